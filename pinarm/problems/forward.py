@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -179,12 +180,11 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             raise
         self._require_branch(mechanism, hybrid, motion)
         self._require_turns(mechanism, hybrid, motion)
-        accounts = [] if self.motion else EnergyAccount.each(motion)
         t, end = self.time.instants(), motion.end
         grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
         integrated = IntegratedMotion(mechanism, hybrid, motion)
         whole = integrated.outcome(grid)
-        energy = energy_balance(*accounts)
+        accounts = [] if self.motion else EnergyAccount.each(motion)
         remarks = [
             *_changed(mechanism, hybrid.initial.given_rates(), v),
             *motion.remarks(),
@@ -195,9 +195,9 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *_rest(hybrid, motion),
             *profile_remarks(mechanism, self.motion),
         ]
-        figures = {**motion.cost(), **energy, **motion.rounding}
+        figures = {**motion.cost(), **motion.rounding}
         notes = *hybrid.assembly.notes, *remarks, *motion.diagnose()
-        return replace(whole, figures=figures, notes=notes)
+        return replace(whole, figures=figures, measures=partial(energy_balance, *accounts), notes=notes)
 
     def _require_branch(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
         """Raise where rounding has chosen between motions that meet; the motion until then is kept."""

@@ -129,7 +129,7 @@ def test_a_free_motion_keeps_its_energy_and_is_that_of_the_reduced_equation(cam)
     theta = np.interp(known.t, outcome.rows.grid.t, outcome.rows.q[:, 0])
     assert own.sum() >= 5
     assert theta == pytest.approx(known.y[0], abs=2e-7)
-    assert outcome.figures["energy"] < 1e-8
+    assert outcome.measures()["energy"] < 1e-8
 
 
 class TestJumpsOfTheAcceleration:

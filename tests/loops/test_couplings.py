@@ -60,7 +60,7 @@ class TestGear:
         assert rates(run, "two") == pytest.approx(RATIO * rates(run, "one"), rel=1e-12)
         assert rates(run, "three") == pytest.approx(0.0, abs=1e-12)
         assert angles(run, "two") == pytest.approx(RATIO * angles(run, "one"), abs=1e-12)
-        assert outcome.figures["energy"] < 1e-11
+        assert outcome.measures()["energy"] < 1e-11
 
     def test_the_motor_torque_of_a_given_motion(self, train):
         law = Harmonic(amplitude=0.7, pulsation=3.0)

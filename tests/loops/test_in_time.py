@@ -51,7 +51,7 @@ class TestTenSeconds:
         kinetic = np.array([energy(linkage, pose, weight=0.0) for pose in poses(linkage, run)])
         assert np.ptp(kinetic) > 0.1 * kinetic.max()
         assert np.abs(total - total[0]).max() < 300 * TOLERANCE * kinetic.max()
-        assert outcome.figures["energy"] < 300 * TOLERANCE
+        assert outcome.measures()["energy"] < 300 * TOLERANCE
 
 
 class TestTolerance:

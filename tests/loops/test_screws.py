@@ -142,4 +142,4 @@ class TestDifferentialScrew:
         assert of(run, "joint.spin.acceleration") == pytest.approx(rate, rel=1e-9)
         assert of(run, "spin")[0] == pytest.approx(rate * run.grid.t**2 / 2, rel=1e-9)
         assert of(run, "spin")[0, -1] > 100 * TURN
-        assert outcome.figures["energy"] < 1e-9
+        assert outcome.measures()["energy"] < 1e-9

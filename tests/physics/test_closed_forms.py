@@ -117,7 +117,7 @@ class TestSpringAndDamper:
         t = free.grid.t
         expected = np.exp(-decay * t) * (0.3 * np.cos(w * t) + (-1.0 + decay * 0.3) / w * np.sin(w * t))
         assert free.q[:, 0] == pytest.approx(0.1 + expected, abs=1e-10)  # a hundred times the tolerance
-        assert found.figures["energy"] < 1e-10
+        assert found.measures()["energy"] < 1e-10
 
 
 ACROSS, ALONG = 0.8, 0.5

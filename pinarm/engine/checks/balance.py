@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -167,11 +167,15 @@ def _carried(links: LinkPlacements, tree: LinkTree, wrenches: Array, sizes: Arra
 
 
 class EnergyAccount(Record, frozen=True):
-    """Energy balance of an integrated motion, from its steps and the dynamics of every interval."""
+    """Energy balance of an integrated motion, from its steps and the dynamics of every interval.
+
+    ``divided`` are steps within which the energy is looked at, too: those that rows of the table have been taken from.
+    """
 
     solution: Solution
     dynamics: list[Dynamics]
     whole: Whole = lambda t, q, v: (q, v)
+    divided: Sequence[int] = ()
 
     @classmethod
     def each(cls, motion: SegmentedMotion) -> list[EnergyAccount]:
@@ -180,14 +184,14 @@ class EnergyAccount(Record, frozen=True):
         for part in motion.segments:
             dynamics = part.system.acting(motion.dynamics)
             bound = [dynamics.on(x.start, min(x.end, part.solution.end)) for x in part.solution.intervals]
-            accounts.append(cls(part.solution, bound, part.system.whole))
+            accounts.append(cls(part.solution, bound, part.system.whole, part.solution.interpolated_steps))
         return accounts
 
     def columns(self) -> tuple[Array, Array, Array]:
         """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""
         varying, count = [dynamics.exchanging for dynamics in self.dynamics], len(self.solution.steps)
         looked_into = np.arange(count) if any(varying) else sampled(count, STEPS)
-        index, start, h = self._parts(sorted({*self.solution.interpolated_steps, *looked_into.tolist()}))
+        index, start, h = self._parts(sorted({*self.divided, *looked_into.tolist()}))
         owners = self.solution.owners(index)
         ends, last = np.append(start, self.solution.end), index[-1:]
         q, v = self.whole(ends, *self.solution.states_in(np.concatenate([index, last]), ends))

@@ -93,6 +93,8 @@ class Interval(ValueRecord, frozen=True):
         acceleration_of_step: Start of an accepted step [s] -> the acceleration for further stages within it, under the
             loads of that step, with loops closed; ``None`` where it is ``acceleration``.
         size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much smaller.
+        near: Whether the motion has come near a singular position, as far as it has gone; or may have, where nobody
+            knows.
         compiled: The same motion in compiled code; ``None`` where there is none.
         knots: Instants within it at which steps have to end, since a derivative of the acceleration jumps, ascending.
         sampling: Instants at which steps have to end, since the acceleration may jump there; ``None`` for none.
@@ -106,6 +108,7 @@ class Interval(ValueRecord, frozen=True):
     floor: Callable[[], float] = float
     acceleration_of_step: Callable[[float], Acceleration] | None = None
     size: float = 1.0
+    near: Callable[[], bool] = lambda: True
     compiled: Flow | None = None
     knots: tuple[float, ...] = ()
     sampling: SampleTimes | None = None

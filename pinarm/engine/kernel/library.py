@@ -5,14 +5,15 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Sequence
-from functools import cache, cached_property
+from collections.abc import Callable, Sequence
+from functools import cache, cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, in_one
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -162,7 +163,7 @@ class ClosingStructure(ctypes.Structure):
         ("corrections", INT),
         ("limits", LimitsStructure),
         *_fields(POINTER, "scale sum part aside state saved"),
-        ("near", INT),
+        *_fields(INT, "near met"),
         *_fields(REAL, "regular open t step floor"),
     ]
 
@@ -212,6 +213,9 @@ PLACES = ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p
 RATES, SETTLE = ctypes.PYFUNCTYPE(None, *PLACES), ctypes.PYFUNCTYPE(ctypes.c_int, *PLACES)
 """Functions ``rates`` and ``settle`` of a flow, by their addresses: system, time, y and its slope."""
 
+SLOPES = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_ssize_t, *3 * [ctypes.c_void_p])
+"""Function ``flow_slopes`` by its address: flow, number of rows, times, y and slopes."""
+
 
 class HeldEfforts(Record, frozen=True):
     """Loads that are held between samples, the sum of the steady ones, and efforts as the library reads them, (nv,)."""
@@ -254,22 +258,34 @@ class Flow(Record, frozen=True):
 
     def slopes(self, starts: Array, t: Array, y: Array) -> Array:
         """Return the slopes of n states at instants t [s], within steps by their starts [s]."""
-        slopes = np.empty_like(y)
-        for k, (start, instant) in enumerate(zip(starts.tolist(), t.tolist(), strict=True)):
-            self.within(start)
-            slopes[k] = self.rates(instant, y[k])
-        return slopes
+        alone = range(1, len(t)) if self.held else ()  # each step has its own loads
+        parts = []
+        for some in (slice(*ends) for ends in pairwise((0, *alone, len(t)))):
+            self.within(float(starts[some.start]))
+            parts.append(self.all_rates(t[some], y[some]))
+        return in_one(parts)
 
-    def rates(self, t: float, y: Array) -> Array:
-        rates, state, slope, places = self._evaluation
-        state[:] = y
-        rates(self.structure.system, t, *places)
-        return slope.copy()
+    def all_rates(self, t: Array, y: Array) -> Array:
+        """Return the slopes of n states at instants t [s], with the loads in force."""
+        call, (times, states, slopes), places = self._many(len(t))
+        times[:], states[:] = t, y
+        call(ctypes.addressof(self.structure), len(t), *places)
+        return slopes.copy()
 
     @cached_property
-    def _evaluation(self) -> tuple[Any, Array, Array, tuple[int, int]]:
-        state, slope = np.zeros((2, self.structure.n))
-        return RATES(self.structure.rates), state, slope, (pointer(state), pointer(slope))
+    def _many(self) -> Callable[[int], tuple[Any, tuple[Array, Array, Array], tuple[int, ...]]]:
+        """The function for some number of states, its arrays, and the addresses of their numbers."""
+
+        def room(count: int) -> tuple[Any, tuple[Array, Array, Array], tuple[int, ...]]:
+            compiled, n = library(), self.structure.n
+            assert compiled is not None
+            arrays = np.empty(count), np.empty((count, n)), np.empty((count, n))
+            return SLOPES(address(compiled.flow_slopes)), arrays, tuple(map(pointer, arrays))
+
+        return lru_cache(maxsize=4)(room)
+
+    def rates(self, t: float, y: Array) -> Array:
+        return np.asarray(self.all_rates(np.array([t]), y[None])[0])
 
     def within(self, start: float) -> None:
         """Let rates be those of further stages in the step that begins at an instant [s]."""

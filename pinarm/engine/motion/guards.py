@@ -67,7 +67,7 @@ def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> Undetermined
     in one: the start itself tells the branch. ``closure`` has the constraints, and the coordinates that follow laws.
     """
     segments = [segment for segment in motion.segments if segment.solution.steps]
-    if not closure.parts or not segments:
+    if not closure.parts or not any(interval.near() for part in segments for interval in part.solution.intervals):
         return None
     ends = [_ends(segment) for segment in segments]
     q, v = (np.concatenate([state[k] for state in ends]) for k in (1, 2))

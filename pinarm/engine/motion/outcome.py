@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from msgspec import field
@@ -115,6 +115,7 @@ class Outcome(Record, frozen=True):
         rows: The requested states.
         motion: The motion or path through these states; ``None`` of separate states.
         figures: Measures of accuracy and cost, by name.
+        measures: Computes further measures of accuracy, when these are asked for.
         events: Events and impacts, in order of time.
         notes: Remarks on the solution, such as a poor choice of integrator.
         decisions: Least certain decision of each event, contact or switch that happens or not.
@@ -124,6 +125,7 @@ class Outcome(Record, frozen=True):
     rows: Trajectory
     motion: SolvedMotion | None = None
     figures: Mapping[str, float] = field(default_factory=dict)
+    measures: Callable[[], Mapping[str, float]] = dict
     events: Sequence[EventRecord] = ()
     notes: tuple[str, ...] = ()
     decisions: tuple[Decision, ...] = ()

@@ -502,6 +502,7 @@ class Scenario(Record, frozen=True):
     def _accuracy(self, solved: Outcome, whole: Outcome, quantities: Quantities) -> dict[str, float]:
         with failures_in_words(), one_run(), one_blas_thread(self.mechanism.model.nv):
             balances = {**power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
+            balances |= solved.measures()
             measures = plain({**balances, **quantities.figures()})
         if not all(math.isfinite(measure) for measure in measures.values()):
             raise overflow(whole)

@@ -114,7 +114,7 @@ class TestPowerBalance:
 
 class TestEnergyBalance:
     def test_work_and_dissipation_are_accounted_for(self, integrated):
-        assert integrated.figures["energy"] < 1e-10  # a hundred times the tolerance
+        assert integrated.measures()["energy"] < 1e-10  # a hundred times the tolerance
 
     @pytest.mark.parametrize("name", ["spring", "push"])
     def test_a_load_that_is_not_accounted_for_shows(self, arm, name):

@@ -177,10 +177,13 @@ class RadauStepper(Stepper):
         They are computed in compiled code where states need not be settled.
         """
         self.count.evaluations += len(y)
-        compiled, states = self.interval.compiled, zip(t.tolist(), y.copy(), strict=True)
+        compiled = self.interval.compiled
         if compiled is not None and not compiled.settles:
-            return np.array([compiled.slope(*state) for state in states])
-        return np.array([self.interval.slope(self.manifold, *state) for state in states])
+            compiled.ready()
+            return compiled.all_rates(t, y)
+        return np.array(
+            [self.interval.slope(self.manifold, *state) for state in zip(t.tolist(), y.copy(), strict=True)]
+        )
 
     def first(self, h: float) -> float:
         start, end, order = self.interval.start, self.interval.end, len(self.tableau.c)

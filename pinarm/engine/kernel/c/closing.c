@@ -134,6 +134,7 @@ static int look(closing *c) {
         skyline_eigenvalue(&c->rows.squares, l->rank - 1, least, largest, l->accuracy);
     c->regular = sqrt(smallest / largest) / l->usual;
     c->near = c->regular < l->near || c->regular < l->ahead * (before - c->regular);
+    c->met |= c->near;
     return 1;
 }
 

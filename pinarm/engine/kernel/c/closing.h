@@ -27,7 +27,7 @@ typedef struct {
     const double *scale;      /* unit of every velocity, nv */
     double *sum, *part, *aside; /* nv */
     double *state, *saved;    /* nq + nv */
-    int near;                 /* whether stages of the next step are closed */
+    int near, met;            /* whether stages of the next step are closed, and whether those of any were */
     double regular, open;     /* regularity of the last closed position; gap at a singular one that is near */
     double t, step, floor;    /* its time, the length of the last regular step, and the least one now */
 } closing;

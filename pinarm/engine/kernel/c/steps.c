@@ -4,6 +4,11 @@
 
 static double ulp(double x) { return nextafter(x, INFINITY) - x; }
 
+void flow_slopes(const flow *f, ptrdiff_t rows, const double *times, double *y, double *slopes) {
+    for (ptrdiff_t k = 0; k < rows; k++)
+        f->rates(f->system, times[k], y + k * f->n, slopes + k * f->n);
+}
+
 int course_continues(const course *m, const control *c) {
     return m->t < m->end && !m->handed && m->written < m->room && m->tries > 0 &&
            m->h >= c->shortest * ulp(fmax(fabs(m->t), m->end - m->start));

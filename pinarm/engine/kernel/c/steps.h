@@ -23,6 +23,9 @@ typedef struct {
     void *system;
 } flow;
 
+/* Write the slopes of rows of y at their times, n numbers each. */
+void flow_slopes(const flow *f, ptrdiff_t rows, const double *times, double *y, double *slopes);
+
 /* Step control. Its numbers stand in pinarm/engine/integration/runge_kutta.py. */
 typedef struct {
     double tolerance, size;                /* errors are relative to tolerance (size + |y|) */

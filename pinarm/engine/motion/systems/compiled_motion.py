@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -111,10 +111,19 @@ class CompiledMotion(Record, frozen=True):
         """Return the proximal iteration for accelerations within regular steps from a closed position and its rank."""
         if rank == len(self.measure.kept):
             return ProximalStructure(INDEPENDENT / PROXIMAL * self.term, 0.0, 1)
-        delassus = _delassus(self.measure, q) if rank and len(q) else None
-        if delassus is None:
-            return ProximalStructure()
-        return ProximalStructure(TOLERANT * float(np.linalg.eigvalsh(delassus)[-rank]), SOLVED, REPEATS)
+        return self._tolerant(rank, tuple(q.tolist()))
+
+    @cached_property
+    def _tolerant(self) -> Callable[[int, tuple[float, ...]], ProximalStructure]:
+        """The iteration with dependent rows, kept for a position: every beginning of a step in Python asks for it."""
+
+        def at(rank: int, q: tuple[float, ...]) -> ProximalStructure:
+            delassus = _delassus(self.measure, np.array(q)) if rank and q else None
+            if delassus is None:
+                return ProximalStructure()
+            return ProximalStructure(TOLERANT * float(np.linalg.eigvalsh(delassus)[-rank]), SOLVED, REPEATS)
+
+        return lru_cache(maxsize=1)(at)
 
     def flow(self, motion: LoopMotion) -> Flow:
         """Return the motion, with the numbers by which that in Python solves, closes and looks."""
@@ -168,6 +177,7 @@ class LoopFlow(Flow, frozen=True):
     def advanced(self, ends: Sequence[float]) -> None:
         structure, motion = self.closing, self.motion
         motion.near, motion.regular = bool(structure.near), structure.regular
+        motion.met = motion.met or bool(structure.met)
         motion.singular, motion.open = motion.regular < loop_motion.NEAR, structure.open
         motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
         motion.require_known_way(motion.t)
@@ -185,8 +195,8 @@ class LoadedMotion:
         self.closes = SETTLE(self.flow.structure.settle) if self.flow.settles else None
 
     def interval(self, start: float, end: float) -> Interval:
-        floor = self.floor if self.closes else float
-        return Interval(start, end, self.acceleration, self.settle, floor, lambda _: self.closed_acceleration)
+        floor, closed = self.floor if self.closes else float, lambda _: self.closed_acceleration
+        return Interval(start, end, self.acceleration, self.settle, floor, closed, near=lambda: self.motion.met)
 
     def floor(self) -> float:
         return float(ctypes.c_double.from_address(self.flow.structure.floor).value)

@@ -176,6 +176,8 @@ class LoopMotion:
         self.rows, self.measure, self.dynamics, self.targets = rows, regularity, dynamics, targets
         self.coarse, self.scale = rows.coarseness, rows.scale
         self.near, self.rank, self.looked = True, 0, False
+        self.met = False
+        """Whether it has been near a singular position after a step or at its start."""
         self.regular, self.singular, self.open = 0.0, True, 0.0
         self.t, self.step, self.least = -np.inf, 0.0, 0.0
         """Instant of the last accepted state, length of the last regular step, and the least step now [s]."""
@@ -324,6 +326,7 @@ class LoopMotion:
         self.singular, fall = self.regular < NEAR, before - self.regular
         self.open = self.open if self.singular else 0.0
         self.near = self.singular or self.regular < AHEAD * fall
+        self.met = self.met or self.near
 
     def _regularity(self, place: Place) -> float:
         """Return the regularity of a position, by the rank along the motion: the largest one at closed positions."""

@@ -175,7 +175,7 @@ class LoopSystem(Record, frozen=True):
             return LoadedMotion(compiled, motion).interval(start, end)
         flow, closed = compiled.flow(motion) if compiled else None, lambda _: motion.closed_acceleration
         routes = motion.acceleration, motion.settle, motion.floor, closed
-        return Interval(start, end, *routes, compiled=flow, remark=remark)
+        return Interval(start, end, *routes, near=lambda: motion.met, compiled=flow, remark=remark)
 
     def _motion(self, dynamics: Dynamics, start: float, end: float) -> LoopMotion:
         driven = self._driven

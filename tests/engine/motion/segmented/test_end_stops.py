@@ -259,4 +259,4 @@ def test_an_arm_shaken_between_its_stops_passes_none(mechanism, chain, restituti
     low, high, _ = np.array([*ranges.values()]).T
     assert (found.rows.q >= low - 1e-11).all()
     assert (found.rows.q <= high + 1e-11).all()
-    assert found.figures["energy"] < 1e-6
+    assert found.measures()["energy"] < 1e-6
