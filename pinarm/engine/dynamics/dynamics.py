@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from types import MappingProxyType
@@ -34,13 +35,35 @@ def rnea(model: Model, q: Array, v: Array, a: Array) -> Array:
         data = new_data(model)
         return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
     if not isinstance(model, ModelVariants):
-        return _rnea(_single(model), q, v, a)
+        return _rnea(_single(model) if v.size < SHARED or _threads() == 1 else _several(model), q, v, a)
     return _of_variants(model, _rnea, q, v, a)
 
 
 def _rnea(pool: pin.ModelPool, q: Array, v: Array, a: Array) -> Array:
-    efforts: Array = pin.rneaInParallel(1, pool, q.T, v.T, a.T)
+    efforts: Array = pin.rneaInParallel(pool.size(), pool, q.T, v.T, a.T)
     return efforts.reshape(v.shape[::-1]).T
+
+
+SHARED = 2**15
+"""Numbers in v of all states from which on a call takes so long, 5 ms, that threads gain more than they wait."""
+
+_forks = [False]
+"""Whether this process is a fork of another: it lacks the threads that OpenMP still counts on."""
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=lambda: _forks.__setitem__(0, True))
+
+
+def _threads() -> int:
+    """Return the number of threads of a call: of all cores, or as ``OMP_NUM_THREADS`` says, and one after a fork."""
+    allowed = os.environ.get("OMP_NUM_THREADS", "")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return 1 if _forks[0] else min(cores, max(1, int(allowed))) if allowed.isdecimal() else cores
+
+
+@cached_by_model
+def _several(model: pin.Model) -> pin.ModelPool:
+    return pin.ModelPool(model, _threads())
 
 
 def aba(model: Model, q: Array, v: Array, tau: Array) -> Array:

@@ -278,9 +278,10 @@ class Flow(Record, frozen=True):
 
         def room(count: int) -> tuple[Any, tuple[Array, Array, Array], tuple[int, ...]]:
             compiled, n = library(), self.structure.n
-            assert compiled is not None
+            function = address(compiled.flow_slopes) if compiled else None
+            assert function is not None
             arrays = np.empty(count), np.empty((count, n)), np.empty((count, n))
-            return SLOPES(address(compiled.flow_slopes)), arrays, tuple(map(pointer, arrays))
+            return SLOPES(function), arrays, tuple(map(pointer, arrays))
 
         return lru_cache(maxsize=4)(room)
 

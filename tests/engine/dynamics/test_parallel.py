@@ -1,5 +1,9 @@
 """Recursions at many states of variants against each of their models alone."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -39,3 +43,27 @@ def test_the_recursions_of_variants_are_those_of_each_model_alone(seed: int) -> 
                 np.array([np.zeros(6), *(wrench.vector for wrench in list(data.f)[1:])])[None].repeat(n, 0)
             )
             np.testing.assert_allclose(inner[row, k], own[row], atol=ROUNDING, rtol=ROUNDING)
+
+
+FORKED = """
+import os, signal
+import numpy as np, pinocchio as pin
+from pinarm.engine.dynamics import dynamics
+
+model = pin.buildSampleModelManipulator()
+states = np.random.default_rng(3).normal(size=(3, dynamics.SHARED // model.nv + 1, model.nv))
+many = dynamics.rnea(model, *states)
+each = np.concatenate([dynamics.rnea(model, *some) for some in np.array_split(states, 9, axis=1)])
+assert (many == each).all()
+if not os.fork():
+    signal.alarm(20)
+    os._exit(0 if (dynamics.rnea(model, *states) == many).all() else 1)
+assert os.wait()[1] == 0
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no forks")
+def test_states_shared_by_threads_are_those_of_one_thread_and_a_fork_computes_them_too() -> None:
+    """A fork has not the threads that OpenMP counts on, and would wait for them without end."""
+    environment = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
+    subprocess.run([sys.executable, "-c", FORKED], check=True, env=environment, timeout=60)
