@@ -203,9 +203,6 @@ SCENARIOS = [
     (SCENARIO, ENTRY, "{quantity: x, value: 1 m}", ["s.yaml:17:5: the key 'source' is missing"]),
     (SCENARIO, ENTRY, "{quantity: x, source: s}",
      ["s.yaml:17:5: an expectation needs a value, a formula or a published"]),
-    *((SCENARIO, ENTRY, f"{{quantity: '{asked}', value: 1 m, source: s}}",
-       [f"s.yaml:17:16: '{asked}' has its place behind it", f"expected: quantity: {said}"])
-      for asked, said in (("x @ max", "x, at: max"), ("x @ t=1 s, side=left", "x, at: {t: 1 s, side: left}"))),
     (SCENARIO, ENTRY, "{quantity: x, published: 1 m, verdict: misprint, source: s}",
      ["s.yaml:17:5: a misprint can only be confirmed"]),
     (SCENARIO, ENTRY, "{quantity: x, formula: t, source: s}", ["s.yaml:17:28: ", "the same dimension"]),

@@ -269,7 +269,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
             "an argument of the model": name in arguments,
             "a coordinate": coordinate is not None,
             "what runs along the rows": name == run.parameter and not swept,
-            "a quantity of the mechanism": (name in known or name in mechanism.worded) and self._is_quantity(name),
+            "a quantity of the mechanism": (name in known or name in mechanism.worded) and self.is_quantity(name),
             "a constant": name in ("g", *CONSTANTS) and name not in known,
         }
         meanings = [meaning for meaning, holds in named.items() if holds]
@@ -289,7 +289,8 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         own = word == "joint" and rate in RATES and joint in mechanism.joints and rest not in self._dotted
         return own and name not in self._several and name not in mechanism.worded
 
-    def _is_quantity(self, name: str) -> bool:
+    def is_quantity(self, name: str) -> bool:
+        """Tell whether a name with dots is that of a quantity."""
         word, _, rest = name.partition(".")
         if word not in FAMILIES or not rest:
             return False
@@ -339,28 +340,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         doubt = next((series.doubt for series in operands.values() if series.doubt), "")
         constant = self._constant(values) if np.ndim(values) == 0 else np.asarray(values)
         return Series(name, measured, constant, doubt, terms=0.0 if alone is None else alone.terms)
-
-    def switches(self, name: str) -> list[Array]:
-        """Return functions that change their sign wherever formulas behind a name go from one smooth part to another.
-
-        Returns:
-            Values at the rows, each of shape (n,); see ``Expression.switches``.
-
-        Raises:
-            InputError: There is no such quantity.
-        """
-        symbols = {**self.trajectory.mechanism.symbols, **self.symbols}
-        switches, pending, met = list[Array](), [name], set[str]()
-        while pending:
-            symbol = pending.pop()
-            if symbol in met or not (symbol in symbols or set(symbol) & OPERATORS):
-                continue
-            met.add(symbol)
-            expression = symbols.get(symbol) or Expression.parse(symbol)
-            operands = self._operands(expression)
-            switches += expression.switches({inner: series.values for inner, series in operands.items()})
-            pending += sorted(operands)
-        return switches
 
     def check_symbols(self, symbols: Iterable[str], locate: Callable[..., AbstractContextManager[None]]) -> None:
         """Raise where a symbol stands for what does not exist, for what cannot be added, or for itself.

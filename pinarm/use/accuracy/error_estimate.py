@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Indices
 from pinarm.engine.integration.methods.explicit import PASSED_LOADS
 from pinarm.engine.motion.outcome import Decision, open_notes
 from pinarm.engine.motion.segmented.segments import UNSEEN
@@ -39,7 +39,7 @@ from pinarm.use.accuracy.integration_settings import (
 )
 from pinarm.use.result.measures import unexplained
 from pinarm.use.result.number_accuracy import output_scales, rounded_to_zero
-from pinarm.use.result.numbers import AnyNumber, SectionNumber, read_number
+from pinarm.use.result.numbers import AnyNumber, CombinedNumber, RunNumber, SectionNumber, read_number
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Section
 
@@ -223,24 +223,39 @@ def output_differences(result: Result, other: Result) -> dict[str, float]:
 def number_bounds(result: Result, other: Result | None) -> dict[str, float]:
     """Return bounds [SI] of the errors of the numbers of a result, those of sections among them, by name.
 
-    A number differs in both solutions by the error of the coarser one, as outputs do. Where rounding alone is left, two
-    values of one number may agree by chance: as a part of itself it is as wrong as the worst output, at least. Bounds
-    are infinite where the other has none, and where a decision of the run that is open touches the number. Numbers
-    that the run does not come to have none.
+    Numbers that the run does not come to have none.
     """
     asked = {number.label: number for number in _numbers(result)}
     if search := result.known.get("find"):  # whose objective is called as the number of the run that it is
         asked["find.objective"] = read_number(search.numbers["objective"].name)
-    numbers = {label: (number, *_value(result, number)) for label, number in asked.items()}
+    bounds = {label: _bound(result, other, number) for label, number in asked.items()}
+    return {label: bound for label, bound in bounds.items() if not np.isnan(bound)}
+
+
+def _bound(result: Result, other: Result | None, number: AnyNumber) -> float:
+    """Return the bound of the error of a number [SI]; NaN of one that the run does not come to.
+
+    A number differs in both solutions by the error of the coarser one, as outputs do. Where rounding alone is left, two
+    values of one number may agree by chance: it is as wrong as its output, or the worst one, at least. The bound is
+    infinite where the other solution has no such number, or a decision that is open touches it. Of a formula it follows
+    from those of its numbers.
+    """
+    value, left = _value(result, number)
+    if np.isnan(value):
+        return np.nan
     undecided = [decision for decision in result.outcome.decisions if decision.is_open]
+    if other is None or any(decision.touches(number.label) for decision in undecided):
+        return np.inf
+    if isinstance(number, CombinedNumber):
+        return number.of([(_value(result, part)[0], _bound(result, other, part)) for part in number.parts])[1]
+    size = abs(value)
     worst = max((error for error in result.errors.values() if np.isfinite(error)), default=0.0)
-    bounds = {}
-    for label, (number, value, left) in numbers.items():
-        if np.isfinite(value):
-            known = other and not any(decision.touches(label) for decision in undecided)
-            difference = abs(_value(other, number)[0] - value) if other and known else np.inf
-            bounds[label] = max(BOUND * difference, worst * abs(value)) + left if np.isfinite(difference) else np.inf
-    return bounds
+    if isinstance(number, RunNumber):
+        length = float(np.ptp(result.trajectory.grid.cuts)) if number.figure == "integral" else 1.0
+        size = max(size, length * float(np.nanmax(np.abs(result[number.quantity].values), initial=0.0)))
+        worst = result.errors.get(number.quantity, worst)
+    difference = abs(_value(other, number)[0] - value)
+    return np.inf if np.isnan(difference) else max(BOUND * difference, worst * size) + left
 
 
 def bounded_sections(result: Result, bounds: Mapping[str, float]) -> dict[str, Section]:
@@ -294,29 +309,24 @@ GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 def common_rows(first: Trajectory, second: Trajectory) -> tuple[Indices, Indices]:
     """Return the rows of two runs that belong together; none where that cannot be told.
 
-    Rows at a jump belong together by the number of the jump, however far apart it occurs in both runs; other rows by
-    their instants. Runs with other numbers of jumps have only those instants in common that both have as often.
+    Of runs with as many jumps, rows at a jump belong together by its number, however far apart it occurs in both; other
+    rows by their instants.
     """
     if first.parameter != "t":
         rows = np.arange(len(first) if len(first) == len(second) else 0)
         return rows, rows
-    t1, t2 = first.grid.t, _moved(second.grid, first.grid.cuts)
-    order = np.argsort(t2, kind="stable")
-    (at1, n1), (at2, n2) = (np.unique(t, return_counts=True) for t in (t1, t2))
-    shared, k1, k2 = np.intersect1d(at1, at2, return_indices=True)
-    shared = shared[n1[k1] == n2[k2]]
-    return np.flatnonzero(np.isin(t1, shared)), order[np.isin(t2[order], shared)]
+    known, others = (_labels(run.grid, jumps=len(first.grid.cuts) == len(second.grid.cuts)) for run in (first, second))
+    pairs = np.array([(row, others[label]) for label, row in known.items() if label in others], int).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
 
 
-def _moved(grid: Grid, cuts: Sequence[float]) -> Array:
-    """Return the instants of a grid, those at the ends of its intervals moved to as many other cuts, shape (n,)."""
-    if len(cuts) != len(grid.cuts):
-        return grid.t
-    t = grid.t.copy()
-    for (start, end, rows), low, high in zip(grid.intervals(), cuts[:-1], cuts[1:], strict=True):
-        here = grid.t[rows]
-        t[rows] = np.where(here == start, low, np.where(here == end, high, here))
-    return t
+def _labels(grid: Grid, *, jumps: bool) -> dict[tuple[int, float], int]:
+    """Return the rows of a grid by their instants, or those at ends of intervals by the number of interval and end."""
+    labels = {}
+    for k, (start, end, rows) in enumerate(grid.intervals()):
+        for row, t in enumerate(grid.t[rows].tolist(), rows.start):
+            labels[(2 * k + int(t == end) + 1, 0.0) if jumps and t in (start, end) else (0, t)] = row
+    return labels
 
 
 def between_rows(first: Lookup, second: Lookup) -> Iterator[tuple[Quantities, Quantities]]:

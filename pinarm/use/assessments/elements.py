@@ -454,8 +454,8 @@ def _unbalance(mechanism: Mechanism, name: str) -> tuple[float, float, Array, Ar
 
 
 def _fastest(run: Lookup, rate: str) -> tuple[float, float]:
-    row, error = run.extreme("largest", rate)
-    return abs(float(row[rate].values[0])), error
+    value, error = run.value("largest", rate, rate)
+    return abs(value), error
 
 
 def _share(centre: float, first: float, second: float) -> float:

@@ -18,7 +18,6 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.input.yaml.schema import InputStruct, check_unit
 from pinarm.use.result.curve_figures import CurveFigure
-from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import Condition, measured, read_conditions, slug
 from pinarm.use.result.section import Cell, Section, SectionTable, numbered
 
@@ -74,8 +73,9 @@ class Limits(InputStruct, frozen=True):
         rows, remarks = list[Sequence[Cell]](), list[str]()
         numbers, margins = dict[str, CurveFigure](), list[tuple[float, float]]()
         for condition in self.conditions:
-            (value, left), bound = measured(condition.compared, result), global_error(result, condition.number)
-            x, known, label = float(value.values[0]), left if bound is None else bound, condition.number.label
+            (value, left), label = measured(condition.compared, result), condition.number.label
+            bound = result.number_errors.get(label)
+            x, known = float(value.values[0]), left if bound is None else bound
             margin, size, text = condition.margin(x), abs(float(condition.bound)), condition.measured(x)
             relative = margin / size if size else float(np.sign(margin) * np.inf) if margin else 0.0
             margins.append((relative, known / size if size else 0.0))

@@ -192,8 +192,8 @@ def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[Sequence[Cell]], lis
         least = rounding(run, name, series)
         slack = least if np.ptp(series.values) <= least else 0.0
         ends = [run.extreme(which, series.name, slack) for which in ("min", "max")]
-        low, high = ((float(row[series.name].values[0]), _place(row)) for row, _ in ends)
-        rows.append((joint.name, name, str(series.unit), *low, *high, max(error for _, error in ends)))
+        low, high = ((float(row[series.name].values[0]), _place(row)) for _, row in ends)
+        rows.append((joint.name, name, str(series.unit), *low, *high, max(peak.error for peak, _ in ends)))
     return rows, remarks
 
 

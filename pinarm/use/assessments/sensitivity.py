@@ -35,7 +35,7 @@ from pinarm.use.assessments.derivatives import (
 )
 from pinarm.use.cases.case import Row
 from pinarm.use.result.curve_figures import CurveFigure
-from pinarm.use.result.number_accuracy import global_error, noise, rounding
+from pinarm.use.result.number_accuracy import noise, rounding
 from pinarm.use.result.numbers import AnyNumber, measured, read_number, slug
 from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable, numbered
 
@@ -481,9 +481,9 @@ class Sensitivity(InputStruct, frozen=True):
             zero = np.abs(centre) <= rounding(result, [series.unit for series, _ in taken])
             sizes = np.where(zero, 0.0, np.abs(centre))
             slopes = derivatives(variation, centre, partial(_step, sizes, errors), errors)
-            corners = _corners(variation, slopes)
+            corners, bounds = _corners(variation, slopes), [result.number_errors.get(number.label) for number in asked]
             bands = [
-                Band(number, series, global_error(result, number), own, inputs, [row[k] for row in slopes], *corners[k])
+                Band(number, series, bounds[k], own, inputs, [row[k] for row in slopes], *corners[k])
                 for k, (number, (series, _), own) in enumerate(zip(asked, taken, errors.tolist(), strict=True))
             ]
             return self._section(variation, bands)

@@ -34,7 +34,7 @@ from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.numbers import EXAMPLES, AnyNumber, measured, names_number, read_number
-from pinarm.use.result.run import Numbered
+from pinarm.use.result.section import Numbered
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result

@@ -26,8 +26,6 @@ from pinarm.records import ValueRecord, replace
 from pinarm.use.method.actions import bodies_of
 from pinarm.use.method.torsors import LETTERS, Torsor, torsor
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS, SOLVED
-from pinarm.use.result.number_accuracy import global_error
-from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.drawings import free_body_diagrams, sketch, worst_instants
 from pinarm.use.show.picture import graph, plot
@@ -234,7 +232,7 @@ def _numbers(result: Result) -> ReportTable:
     rows = []
     for name, (series, error) in result.numbers().items():
         shown, (scale, _) = result.presentation.shown(series), result.presentation.scale(series)
-        bound = global_error(result, read_number(name))
+        bound = result.number_errors.get(series.name)
         bounds = [_bound(bound and bound * scale)] if result.errors else []
         value = [unit_text(shown.unit), rounded(float(shown.values[0])), f"{error * scale:.1e}" if error else "0"]
         rows.append([name, *value, *bounds])

@@ -81,8 +81,8 @@ def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
         raise InputError(f"{quantity} is not finite everywhere: it has no {name}")
     try:
         if name == "peak":
-            row, error = run.extreme("largest", quantity)
-            value = abs(float(row[quantity].values[0]))
+            value, error = run.value("largest", quantity, quantity)
+            value = abs(value)
         elif not run.length:
             value, error = {"rms": abs(float(values[0])), "integral": 0.0}.get(name, float(values[0])), 0.0
         elif share is None:
@@ -118,18 +118,15 @@ def figure_unit(quantities: Quantities, quantity: str, name: str) -> Unit | None
     return unit * quantities.trajectory.unit if unit is not None and name == "integral" else unit
 
 
-def integrals(
-    run: Lookup, integrand: Callable[[Quantities], Array], least: float = 1.0, of: Sequence[str] = ()
-) -> tuple[Array, Array]:
+def integrals(run: Lookup, integrand: Callable[[Quantities], Array], least: float = 1.0) -> tuple[Array, Array]:
     """Return the integrals of several functions over a run, and their errors, both of shape (k,).
 
     Args:
         run: The run; its rows are states of one motion.
         integrand: Quantities of n rows -> values of the functions there, of the size of 1 or less, shape (n, k).
         least: Size of functions that are not to be told from 0.
-        of: The quantities of which they are functions, where these may be formulas.
     """
-    total, error = curve_numbers.integrals(run.curve(integrand, of), least, run.most_pieces)
+    total, error = curve_numbers.integrals(run.curve(integrand), least, run.most_pieces)
     return total, error + ROUNDING * np.abs(total)
 
 
@@ -145,7 +142,7 @@ def _of_integrals(run: Lookup, quantity: str, name: str) -> tuple[float, float]:
         x = rows[quantity].values / scale
         return np.stack([x, x * x], axis=1)
 
-    total, error = integrals(run, powers, least=0.0, of=[quantity])
+    total, error = integrals(run, powers, least=0.0)
     if name == "rms":
         root, left = (float(total[1]) / run.length) ** 0.5, float(error[1]) / run.length
         return scale * root, scale * (0.5 * left / root if root else left**0.5)
@@ -167,6 +164,6 @@ def rms_values(run: Lookup, quantities: Sequence[str], scales: Array, least: flo
     def squares(rows: Quantities) -> Array:
         return np.stack([(rows[name].values / scale) ** 2 for name, scale in zip(quantities, scales, strict=True)], 1)
 
-    total, error = (part / run.length for part in integrals(run, squares, of=quantities))
+    total, error = (part / run.length for part in integrals(run, squares))
     root = np.sqrt(np.maximum(total, 0.0))
     return scales * root, scales * np.where(root**2 > error, 0.5 * error / np.maximum(root, 1e-300), np.sqrt(error))

@@ -15,7 +15,7 @@ from pinarm.use.result.row_lookup import located
 
 if TYPE_CHECKING:
     from pinarm.engine.series import Series
-    from pinarm.use.result.run import Numbered
+    from pinarm.use.result.section import Numbered
 
 Verdict = Literal["agrees", "rounding", "reading", "misprint", "model_error"]
 ERRATA = ("misprint", "model_error")
@@ -74,25 +74,14 @@ class Expectation(InputStruct, frozen=True):
         if self.published is not None:
             with within("published"):
                 read_quantity(self.published)
-        if "@" in self.quantity:
-            from pinarm.use.result.numbers import RunNumber, read_number
-
-            with within("quantity"):
-                if isinstance(read := read_number(self.quantity), RunNumber):
-                    pairs = [] if isinstance(read.at, str) else [f"{key}: {text}" for key, text in read.at.items()]
-                    place = f"{{{', '.join(pairs)}}}" if pairs else read.at
-                    raise InputError(
-                        f"'{self.quantity}' has its place behind it: here that is a key of its own",
-                        expected=f"quantity: {read.quantity}, at: {place}",
-                    )
         self._check_place()
-        if self.value is not None and self.formula is not None:
-            raise InputError("give a value or a formula, not both")
-        if self.published is not None and self.published_formula is not None:
-            raise InputError("give a published figure or a published formula, not both", hint="an entry for each")
-        if self.value is None and self.formula is None and self.published is None and self.published_formula is None:
+        independent = [given for given in (self.value, self.formula) if given is not None]
+        printed = [given for given in (self.published, self.published_formula) if given is not None]
+        if max(len(independent), len(printed)) > 1:
+            raise InputError("give a value or a formula, not both; of what is published, too", hint="an entry for each")
+        if not independent and not printed:
             raise InputError("an expectation needs a value, a formula or a published figure")
-        if self.verdict != "agrees" and self.value is None and self.formula is None:
+        if self.verdict != "agrees" and not independent:
             said = self.verdict.replace("_", " ")
             raise InputError(f"a {said} can only be confirmed by an independent value or formula")
         if self.verdict == "model_error" and self.because is None:

@@ -1,4 +1,4 @@
-"""Accuracy of outputs and numbers of a run: what their errors are relative to, what rounding leaves, their bounds."""
+"""Accuracy of outputs and numbers of a run: what their errors are relative to, and what rounding leaves."""
 
 from __future__ import annotations
 
@@ -79,31 +79,6 @@ def rounding(result: Result, units: Sequence[Unit | None]) -> Array:
     """Return the sizes up to which numbers are 0 but for rounding [SI], shape (m,); 0 where a unit is not known."""
     natural = natural_sizes(result.trajectory)
     return np.array([ZERO * natural(unit) if unit is not None else 0.0 for unit in units])
-
-
-def global_error(result: Result, number: AnyNumber) -> float | None:
-    """Return the bound of a number's error [SI] that holds in 99 of 100 cases; ``None`` where it is not known.
-
-    A figure of a curve is no more wrong than its worst row, nor is an extreme, or the value at an instant; what its
-    quadrature or its search leaves comes on top. Others are compared with those of another solution. It is infinite
-    where the number depends on a decision that the run leaves open. Of a formula it follows from those of its numbers.
-    """
-    if any(decision.is_open and decision.touches(number.label) for decision in result.outcome.decisions):
-        return np.inf
-    own = result.number_errors.get(number.label)
-    if isinstance(number, CombinedNumber):
-        known = [global_error(result, part) for part in number.parts]
-        pairs = [
-            (part.value(result)[0], error) for part, error in zip(number.parts, known, strict=True) if error is not None
-        ]
-        return number.of(pairs)[1] if len(pairs) == len(known) else own
-    if not isinstance(number, RunNumber) or number.quantity not in result.errors:
-        return own
-    of_instant = isinstance(number.at, dict) and result.trajectory.parameter in number.at
-    if not of_instant and (isinstance(number.at, dict) or number.of != number.quantity):
-        return own
-    length = float(np.ptp(result.trajectory.grid.cuts)) if number.figure == "integral" else 1.0
-    return result.errors[number.quantity] * output_scales(result)[number.quantity] * length + number.value(result)[1]
 
 
 def _size(result: Result, number: AnyNumber) -> float:

@@ -8,25 +8,27 @@ name, or the parentheses, right before it: ``(C_B*w) @ max / (C_B*w) @ mean``.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Literal, Self, TypeVar
 
 import numpy as np
 
 from pinarm.engine.quantities.names import EXTREMES, OPEN, Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, PinarmError, UnitError, choices, require_name, within
+from pinarm.errors import ExpressionError, InputError, PinarmError, choices, require_name, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
-from pinarm.input.units import ANGLES, DECIMAL, Unit, is_whole, read_quantity
+from pinarm.input.units import DECIMAL, is_whole, read_quantity
 from pinarm.input.yaml.schema import AnyQuantity, Measured
 from pinarm.records import Record, ValueRecord, replace
 from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_figure, stands_alone
 from pinarm.use.result.row_lookup import located
 
 if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
     from pinarm.use.result.row_lookup import Lookup
-    from pinarm.use.result.run import Numbered, Run
+    from pinarm.use.result.section import Numbered
 
 
 EXAMPLES = (
@@ -36,6 +38,8 @@ EXAMPLES = (
 
 MAX_LENGTH = 2000
 """Characters of a text that is read at all."""
+
+T = TypeVar("T")
 
 _PLACE = re.compile(r"(start|end|max|min|largest)(?:\((.*)\))?")
 
@@ -139,7 +143,7 @@ class RunNumber(Number, frozen=True):
         unit = figure_unit(quantities, self.quantity, self.at) if isinstance(self.at, str) else series.unit
         return Series(self.label, unit, np.zeros(0))
 
-    def value(self, result: Run) -> tuple[float, float]:
+    def value(self, result: Result) -> tuple[float, float]:
         """Return the number [SI] and its error: of a quadrature, or of the search for a place; else 0.
 
         Raises:
@@ -156,16 +160,9 @@ class RunNumber(Number, frozen=True):
         if isinstance(self.at, str) and is_figure(self.at):
             curve_figure = figure(run, self.quantity, self.at)
             return curve_figure.value, curve_figure.error
-        if self.at in ("max", "min", "largest"):
-            if self.of != self.quantity:
-                return run.at_extreme(self.at, self.of, self.quantity)
-            row, error = run.extreme(self.at, self.of)
-            return float(row[self.quantity].values[0]), error
-        if isinstance(self.at, dict):
-            return run.at_instant(self.at, self.quantity)
-        return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0
+        return run.value(self.at, self.of, self.quantity)
 
-    def _require_determined(self, result: Run, value: float) -> None:
+    def _require_determined(self, result: Result, value: float) -> None:
         """Raise where the number would be another one with other frictions that hold the same motion."""
         place = isinstance(self.at, str)
         ends = [
@@ -207,48 +204,28 @@ class SectionNumber(Number, frozen=True):
         Raises:
             InputError: The scenario does not ask for this section, or it has no such number.
         """
-        if self.key not in sections:
-            raise self._without_place(quantities) or self._unknown(sections)
-        units = sections[self.key].units(quantities)
-        if self.name not in units:
-            raise self._missing(units)
-        return Series(self.label, units[self.name], np.zeros(0))
+        if self.key not in sections and quantities.is_quantity(self.label):
+            examples = f"{self.label} @ max, {self.label} @ end, or a figure such as {self.label} @ rms"
+            raise InputError(f"'{self.label}' has a value at every row", expected=f"the place of one: {examples}")
+        units = self._named("section", self.key, sections).units(quantities)
+        return Series(self.label, self._named("number", self.name, units), np.zeros(0))
 
-    def value(self, result: Run) -> tuple[float, float]:
+    def value(self, result: Result) -> tuple[float, float]:
         """Return the number [SI] and the error of its quadrature; see ``RunNumber.value``.
 
         Raises:
             InputError: The section of this run has no such number.
         """
-        if self.key not in result.numbered:
-            raise self._unknown(result.numbered)
+        self._named("section", self.key, result.numbered)
         section = result.section(self.key)
-        if self.name not in section.numbers:
-            raise self._missing(section.numbers)
-        return float(section.numbers[self.name].values[0]), section.errors.get(self.name, 0.0)
+        series = self._named("number", self.name, section.numbers)
+        return float(series.values[0]), section.errors.get(self.name, 0.0)
 
-    def _unknown(self, sections: Mapping[str, object]) -> InputError:
-        expected = f"one of its sections: {', '.join(sections)}" if sections else "QUANTITY @ PLACE"
-        return InputError(f"the scenario has no section '{self.key}' for '{self.label}'", expected=expected)
-
-    def _without_place(self, quantities: Quantities) -> InputError | None:
-        """Return the error for a quantity without a place, or for a similar name; ``None`` for other names."""
-        try:
-            quantities[self.label]
-        except InputError as error:
-            names = [name for name in quantities.names() if name.partition(".")[0] in (self.key, EVENT)]
-            expected, hint = choices(self.label, names)
-            return InputError(error.message, expected=expected, hint=hint) if hint else None
-        examples = f"{self.label} @ max, {self.label} @ end, or a figure such as {self.label} @ rms"
-        return InputError(f"'{self.label}' has a value at every row", expected=f"the place of one: {examples}")
-
-    def _missing(self, numbers: Mapping[str, object]) -> InputError:
-        expected, hint = choices(self.name, numbers)
-        return InputError(f"the section '{self.key}' has no number '{self.name}'", expected=expected, hint=hint)
-
-
-T = TypeVar("T")
-V = TypeVar("V")
+    def _named(self, what: str, name: str, known: Mapping[str, T]) -> T:
+        if name not in known:
+            expected, hint = choices(name, known)
+            raise InputError(f"'{self.label}': there is no {what} '{name}'", expected=expected, hint=hint)
+        return known[name]
 
 
 class CombinedNumber(Number, frozen=True):
@@ -309,9 +286,20 @@ class CombinedNumber(Number, frozen=True):
             InputError: A number in it does not exist, or dimensions do not go together.
         """
         units = [part.described(quantities, sections).unit for part in self.parts]
-        return Series(self.label, self._in_words(lambda: _unit_of_formula(self._expression, units)), np.zeros(0))
+        unit = self._in_words(lambda: self._expression.dimension(_named(units)))
+        alike = unit == units[0] and len({str(unit) for unit in units}) == 1
+        return Series(self.label, units[0] if alike and self._is_proportional else unit, np.zeros(0))
 
-    def value(self, result: Run) -> tuple[float, float]:
+    @property
+    def _is_proportional(self) -> bool:
+        """Whether it is twice as large where all its numbers are: an angle, and no ratio of angles."""
+        values = np.sqrt(np.arange(1.0, 1.0 + len(self.parts)))
+        with suppress(ExpressionError):
+            single, double = (self._expression.evaluate(_named(factor * values)) for factor in (1.0, 2.0))
+            return bool(abs(double - 2.0 * single) <= 1e-9 * abs(double))
+        return False
+
+    def value(self, result: Result) -> tuple[float, float]:
         """Return the number [SI] and what the errors of its parts make of it; see ``RunNumber.value``.
 
         Raises:
@@ -355,29 +343,7 @@ class CombinedNumber(Number, frozen=True):
             raise InputError(f"'{self.label}': {said}", expected=error.expected, hint=error.hint) from None
 
 
-_ANGLE_POWER = 7
-"""Exponent that marks an angle in the dimensions of a formula: an angle has no dimension of its own."""
-
-
-def _unit_of_formula(formula: Expression, units: Sequence[Unit | None]) -> Unit | None:
-    """Return the SI unit of a formula of numbers; a sum of angles is an angle, a ratio of angles is none."""
-    marked = [
-        unit if unit is None or not any(word in str(unit) for word in ANGLES) else unit * _ANGLE for unit in units
-    ]
-    try:
-        dimension = formula.dimension(_named(marked))
-    except UnitError:
-        dimension = formula.dimension(_named(units))
-    if dimension is None or dimension.dimension[3] != _ANGLE_POWER:
-        return dimension
-    turning = dimension / _ANGLE
-    return Unit(1.0, turning.dimension, {0: "rad", -1: "rad/s", -2: "rad/s^2"}.get(int(turning.dimension[2]), ""))
-
-
-_ANGLE = Unit(1.0, (0, 0, 0, _ANGLE_POWER))
-
-
-def _named(values: Sequence[V]) -> dict[str, V]:
+def _named(values: Iterable[T]) -> dict[str, T]:
     return {f"n_{k}": value for k, value in enumerate(values)}
 
 
@@ -422,7 +388,7 @@ def slug(number: AnyNumber) -> str:
     return re.sub(r"\W+", "_", number.label).strip("_")[:LONGEST]
 
 
-def measured(number: AnyNumber, result: Run) -> tuple[Series, float]:
+def measured(number: AnyNumber, result: Result) -> tuple[Series, float]:
     """Return a number of a run as a series of one value, with its unit, and the error of its quadrature.
 
     Raises:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +16,7 @@ from pinarm.errors import InputError, Key, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
 from pinarm.use.result.curve import BESIDE, Curve, Endless, Span, Spots
-from pinarm.use.result.curve_numbers import Peak, crossings, highest, looked_at, zeros, zeros_of_angle
+from pinarm.use.result.curve_numbers import Peak, highest, zeros, zeros_of_angle
 from pinarm.use.result.measures import ZERO, natural_sizes
 
 if TYPE_CHECKING:
@@ -68,9 +67,6 @@ KEPT, TOGETHER = 20, 100_000
 """Sets of states that are kept, as several quantities begin with the same points; velocities of states that are solved
 together at most, and five times of those that are kept."""
 
-MOST_SWITCHES = 100
-"""Places of a run at which formulas switch at most: of more, as of a sawtooth, each tooth is seen as it is."""
-
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
 
@@ -120,7 +116,6 @@ class Lookup(Record, frozen=True):
     motion: SolvedMotion | None
     _kept: dict[tuple[int, bytes], Quantities] = {}
     _curves: dict[str, Curve] = {}
-    _switches: dict[str, list[Array]] = {}
 
     @property
     def run(self) -> Trajectory:
@@ -208,21 +203,16 @@ class Lookup(Record, frozen=True):
     def curve_of(self, name: str) -> Curve:
         """Return a quantity as a curve, which is kept."""
         if name not in self._curves:
-            self._curves[name] = self.curve(lambda rows: np.asarray(rows[name].values, float), [name])
+            self._curves[name] = self.curve(lambda rows: np.asarray(rows[name].values, float))
         return self._curves[name]
 
-    def curve(self, function: Function, of: Sequence[str] = ()) -> Curve:
-        """Return functions of the quantities as a curve.
-
-        Args:
-            function: The functions.
-            of: The quantities of which they are functions, where these may be formulas.
-        """
+    def curve(self, function: Function) -> Curve:
+        """Return functions of the quantities as a curve."""
         rows, spots = function(self.quantities), self._points
         known = {interval: (t, f) for (interval, t), f in zip(spots, self.heights(function, spots), strict=True)}
-        switches, spans = [self.switches(name) for name in of], list[Span]()
+        spans = list[Span]()
         for k in self._wide:
-            here, own = np.concatenate([np.empty(0), *(each[k] for each in switches)]), self.intervals[k][2]
+            own = self.intervals[k][2]
             t, f = self.run.grid.t[own], rows[own]
             if k in known:
                 t, f = (np.concatenate(pair) for pair in zip((t, f), known[k], strict=True))
@@ -230,8 +220,8 @@ class Lookup(Record, frozen=True):
             finite = np.isfinite(f).all(axis=1)
             t, first = np.unique(t[finite], return_index=True)
             steps, knots, jumps = (self._marks[name][k] for name in MARKS)
-            bounds, cuts = distinct(np.append(self._bounds(k), here)), distinct(np.concatenate([steps, knots, jumps]))
-            spans.append(Span(k, bounds, cuts, distinct(np.append(jumps, here)), t, f[finite][first]))
+            cuts = distinct(np.concatenate([steps, knots, jumps]))
+            spans.append(Span(k, self._bounds(k), cuts, jumps, t, f[finite][first]))
         return Curve(lambda spots: self.heights(function, spots), spans)
 
     @cached_property
@@ -243,30 +233,6 @@ class Lookup(Record, frozen=True):
             before = jumps - BESIDE * max(map(abs, ends))
             points.append((k, distinct(np.concatenate([knots, jumps, before]))))
         return [spot for spot in points if len(spot[1])]
-
-    def switches(self, name: str) -> list[Array]:
-        """Return where formulas behind a name go from one smooth part to another, interval by interval, ascending.
-
-        They do as ``abs``, ``min``, ``%`` and comparisons do: where functions that are smooth change their signs. What
-        lies between two such places may be narrow. None are returned where there are too many.
-        """
-        if name not in self._switches:
-            switches = self._found_switches(name)
-            few = sum(map(len, switches)) <= MOST_SWITCHES
-            self._switches[name] = switches if few else [np.empty(0)] * len(switches)
-        return self._switches[name]
-
-    def _found_switches(self, name: str) -> list[Array]:
-        places = [[np.empty(0)] for _ in self.intervals]
-        with suppress(InputError):  # a name from a model with marks of formulas in it, or an infinite operand
-            count = len(self.quantities.switches(name)) if self.motion is not None else 0
-            for curve in (self.curve(partial(_switch, name=name, k=k)) for k in range(count)):
-                for interval in self._wide:
-                    start, end, rows = self.intervals[interval]
-                    rows_and_ends = distinct(np.append(self.run.grid.t[rows], [start, end]))
-                    t, gaps = looked_at(curve, interval, rows_and_ends, 0.0)
-                    places[interval].append(np.array(crossings(curve, interval, t, gaps, 0.0)))
-        return [distinct(np.concatenate(parts)) for parts in places]
 
     # Places
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
@@ -284,19 +250,35 @@ class Lookup(Record, frozen=True):
         if where == "end":
             return self._row(len(self.intervals) - 1, float(self.run.grid.t[-1]))
         if isinstance(where, str):
-            return self.extreme(where, name)[0]
+            return self.extreme(where, name)[1]
         return self._row(*self._instant(where, name))
 
-    def at_instant(self, where: dict[str, str | int | float], name: str) -> tuple[float, float]:
-        """Return a quantity where another has a value [SI], and by how much rounding of that may move it.
+    def value(self, where: str | dict[str, str | int | float], of: str, name: str) -> tuple[float, float]:
+        """Return a quantity at a place [SI], and by how much it differs where rounding cannot tell that place from it.
+
+        An extreme is known to ``PLATEAU``, and curves are level there: its place is known to the root of that.
 
         Args:
-            where: The instant, as in ``at``.
+            where: As in ``at``.
+            of: The quantity that an extreme is of.
             name: The quantity that is asked for.
 
         Raises:
             InputError: See ``at``.
         """
+        if where in ("start", "end"):
+            return float(self.at(where, of)[name].values[0]), 0.0
+        if isinstance(where, str):
+            peak, row = self.extreme(where, of)
+            value, signs = float(row[name].values[0]), _EXTREMES[where][1]
+            if name == of:
+                return value, peak.error
+            spot: Spot = peak.interval, peak.place
+
+            def elsewhere(states: Quantities) -> Flags:
+                return np.asarray(_height(states[of].values, signs) < peak.height - 2.0 * peak.error)
+
+            return value, self.differs(spot, name, value, elsewhere)
         spot, (along, sought) = self._instant(where, name), located(where, self.quantities)
         value = float(self._row(*spot)[name].values[0])
         if along == self.run.parameter:
@@ -304,11 +286,9 @@ class Lookup(Record, frozen=True):
         series = self.quantities[along]
         slack = PLATEAU * max(abs(sought), float(np.abs(series.values).max()), float(np.max(series.terms, initial=0.0)))
         apart = np.sin if self._is_told_to_half_a_turn(along, sought) else np.asarray
-
-        def elsewhere(states: Quantities) -> Flags:
-            return np.abs(apart(states[along].values - sought)) > slack
-
-        return value, self.differs(spot, name, value, elsewhere)
+        return value, self.differs(
+            spot, name, value, lambda states: np.abs(apart(states[along].values - sought)) > slack
+        )
 
     def _instant(self, where: dict[str, str | int | float], name: str) -> Spot:
         along, value = located(where, self.quantities)
@@ -330,14 +310,13 @@ class Lookup(Record, frozen=True):
         curve, spots = self.curve_of(along), list[Spot]()
         find = zeros_of_angle if self._is_told_to_half_a_turn(along, value) else zeros
         for k, (start, end, _) in enumerate(self.intervals):
-            places = self.looked_at(along, k)
-            spots += [(k, t) for t in find(curve, k, places, value)[:: 1 if start <= end else -1]]
+            spots += [(k, t) for t in find(curve, k, self.rows_and_ends(k), value)[:: 1 if start <= end else -1]]
         return spots
 
-    def looked_at(self, name: str, interval: int) -> Array:
-        """Return the rows, ends and switches of an interval, at which it is looked for values of a quantity."""
+    def rows_and_ends(self, interval: int) -> Array:
+        """Return the rows of an interval and its ends, ascending."""
         start, end, rows = self.intervals[interval]
-        return distinct(np.concatenate([self.run.grid.t[rows], [start, end], self.switches(name)[interval]]))
+        return distinct(np.append(self.run.grid.t[rows], [start, end]))
 
     def _is_told_to_half_a_turn(self, along: str, value: float) -> bool:
         """Tell whether a value may be that of an angle that jumps from 180 to -180 deg."""
@@ -371,8 +350,8 @@ class Lookup(Record, frozen=True):
                 )
         return chosen[0 if side == "left" else -1]
 
-    def extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Quantities, float]:
-        """Return the row at which a quantity is largest, smallest, or largest in size, and by how much it may be more.
+    def extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
+        """Return where a quantity is largest, smallest, or largest in size, and the quantities there.
 
         Args:
             which: ``max``, ``min`` or ``largest``.
@@ -383,29 +362,14 @@ class Lookup(Record, frozen=True):
         Raises:
             InputError: It has no such value, as it passes through infinity, or rounding decides what it is.
         """
-        peak, row = self._extreme(which, name, slack)
-        return row, peak.error
-
-    def at_extreme(self, which: str, of: str, name: str) -> tuple[float, float]:
-        """Return a quantity where another is extreme [SI], and by how much it differs where that may be as extreme.
-
-        An extreme is known to ``PLATEAU``, and curves are level there: its place is known to the root of that.
-
-        Args:
-            which: ``max``, ``min`` or ``largest``.
-            of: The quantity that is extreme.
-            name: The quantity that is asked for.
-
-        Raises:
-            InputError: See ``extreme``.
-        """
-        peak, row = self._extreme(which, of)
-        value, signs = float(row[name].values[0]), _EXTREMES[which][1]
-
-        def lower(states: Quantities) -> Flags:
-            return np.asarray(_height(states[of].values, signs) < peak.height - 2.0 * peak.error)
-
-        return value, self.differs((peak.interval, peak.place), name, value, lower)
+        word, signs = _EXTREMES[which]
+        lacks, series = f"{name} has no {word}", self.quantities[name]
+        slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
+        peak = self.highest_of(self.curve_of(name), series.values, signs, lacks, slack)
+        row = self._row(peak.interval, peak.place)
+        alone = float(_height(row[name].values, signs)[0])
+        self._require_reproduced(peak, alone, row[name].unit, lacks)
+        return replace(peak, error=peak.error + abs(peak.height - alone)), row
 
     def highest(self, function: Function, name: str, slack: float = 0.0) -> tuple[Quantities, float]:
         """Return the row at which a function of the quantities is largest, and by how much it may be more elsewhere.
@@ -421,16 +385,6 @@ class Lookup(Record, frozen=True):
         values, lacks = function(self.quantities), f"{name} has no largest value"
         peak = self.highest_of(self.curve(function), values, (1.0,), lacks, slack)
         return self._row(peak.interval, peak.place), peak.error
-
-    def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
-        word, signs = _EXTREMES[which]
-        lacks, series = f"{name} has no {word}", self.quantities[name]
-        slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
-        peak = self.highest_of(self.curve_of(name), series.values, signs, lacks, slack)
-        row = self._row(peak.interval, peak.place)
-        alone = float(_height(row[name].values, signs)[0])
-        self._require_reproduced(peak, alone, row[name].unit, lacks)
-        return replace(peak, error=peak.error + abs(peak.height - alone)), row
 
     def highest_of(self, curve: Curve, values: Array, signs: Sequence[float], lacks: str, slack: float) -> Peak:
         """Return the largest height of a curve.
@@ -497,10 +451,6 @@ class Lookup(Record, frozen=True):
             other, differences = elsewhere(states)[::forth], np.abs(states[name].values - value)[::forth]
             apart = max(apart, float(differences[: int(other.argmax()) + 1 if other.any() else None].max()))
         return apart
-
-
-def _switch(rows: Quantities, name: str, k: int) -> Array:
-    return rows.switches(name)[k]
 
 
 def _height(values: Array, signs: Sequence[float]) -> Array:

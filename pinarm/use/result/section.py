@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from msgspec import field
@@ -139,6 +139,21 @@ class Graph(Record, frozen=True):
     logarithmic: Scales = ""
     marks: Sequence[tuple[float, str]] = ()
     bars: Sequence[str] = ()
+
+
+class Numbered(Protocol):
+    """Source of a section with numbers of a run: an assessment, or a search for an optimum."""
+
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return the names of the numbers that its section may have, and their units, with nothing solved.
+
+        Args:
+            quantities: Those of one row.
+
+        Raises:
+            InputError: It asks for something that does not exist.
+        """
+        ...
 
 
 class Section(Record, frozen=True):

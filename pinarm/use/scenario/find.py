@@ -19,7 +19,7 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.document import require_unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
 from pinarm.use.result.numbers import AnyNumber, Condition, names_number, read_conditions, read_number
-from pinarm.use.result.run import Numbered
+from pinarm.use.result.section import Numbered
 
 BOUNDS = "[0 kg, 500 kg], or {from: 0 kg, to: 500 kg, start: 100 kg}"
 

@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.control.function import ControlFunction, FunctionControl
     from pinarm.mechanics.forces.function_effort import FunctionForce
     from pinarm.problems.accuracy import Accuracy
-    from pinarm.use.result.run import Numbered
+    from pinarm.use.result.section import Numbered
 
 PERTURBED = "initial", "loads", "motion", "hold", "over", "velocity", "acceleration"
 """Keys of problems whose numbers have other last digits where the mechanism has."""

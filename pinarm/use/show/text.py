@@ -176,14 +176,9 @@ def event_lines(result: Result) -> list[str]:
 
 
 def _number_lines(result: Result) -> list[str]:
-    if not result.content.numbers:
-        return []
-    from pinarm.use.result.number_accuracy import global_error
-    from pinarm.use.result.numbers import read_number
-
     return [
-        _number_line(series, result.presentation.shown(series), error, global_error(result, read_number(text)))
-        for text, (series, error) in result.numbers().items()
+        _number_line(series, result.presentation.shown(series), error, result.number_errors.get(series.name))
+        for series, error in result.numbers().values()
     ]
 
 

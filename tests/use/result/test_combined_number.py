@@ -9,7 +9,6 @@ import pytest
 
 import pinarm
 from pinarm.use.cases.solving import VariantNumbers
-from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import CombinedNumber, read_number
 
 ARM = Path(__file__).parents[3] / "scenarios" / "gen411_arm_static.yaml"
@@ -66,7 +65,7 @@ def test_its_error_bound_follows_from_those_of_its_numbers() -> None:
     asked = ["theta @ range", "theta @ max", "theta @ min"]
     result = pinarm.load(swing, {"numbers": asked, "accuracy": {"tolerance": 1e-6}}).verified()
     exact = pinarm.run(swing, {"accuracy": {"tolerance": 1e-13}}).number("theta @ range")[0]
-    whole, *parts = (global_error(result, read_number(text)) for text in asked)
+    whole, *parts = (result.number_errors.get(text) for text in asked)
     assert whole is not None and None not in parts
     assert 0.0 < whole == pytest.approx(sum(parts), rel=1e-6)
     assert 0.0 < abs(result.number("theta @ range")[0] - exact) < whole
