@@ -1,4 +1,4 @@
-"""YAML text to plain data, without recursion, with the location of every key and value.
+"""YAML text to plain data, with the location of every key and value.
 
 Loading builds numbers, text, booleans, lists and maps only. Tags, anchors and aliases are refused, and depth and digits
 are bounded: an untrusted file can neither run code nor occupy the reader for long.
@@ -14,6 +14,7 @@ from pinarm.errors import InputError, Location, PinarmError
 
 MAX_DEPTH = 50
 NESTED, LEVELS = "maps and lists are nested too deeply", f"at most {MAX_DEPTH} levels"
+TAGGED = "anchors, aliases and tags are not read", "the value itself, without '&', '*' and '!' before it"
 MAX_VALUES = 50_000
 """Largest number of values; they are read in half a second."""
 MAX_DIGITS = 400
@@ -28,11 +29,13 @@ _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _INTEGER = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
+_UNTAGGED = tuple(f"tag:yaml.org,2002:{kind}" for kind in ("str", "seq", "map"))
+
 Path_ = tuple[str | int, ...]
 
 
 class Builder:
-    """Builds plain data from YAML events.
+    """Builds plain data from the nodes of a YAML text.
 
     Args:
         tagged: For tables of other programs, which may have tags, anchors and aliases, and keys that stand twice, of
@@ -48,111 +51,74 @@ class Builder:
         self.lines = text.splitlines()
         self.places: dict[Path_, Location] = {}
         self.keys: dict[Path_, Location] = {}
-        self.stack: list[tuple[Any, Path_, str | None, list[str]]] = []
-        self.root: Any = None
-        self.documents = self.count = 0
-        self.anchors: dict[str, Any] = {}
+        self.count = 0
 
     def build(self) -> Any:
         import yaml
 
+        fast = getattr(yaml, "CLoader", yaml.Loader)  # 20 times as fast as that in Python
+        untyped: Any = type("Untyped", (fast,), {"yaml_implicit_resolvers": {}})
         try:
-            for event in yaml.parse(self.text, getattr(yaml, "CLoader", yaml.Loader)):  # C's is 20 times as fast
-                self._take(event)
+            root = yaml.compose(self.text, untyped)
         except yaml.MarkedYAMLError as error:
             place, problem = self._location(error.problem_mark or error.context_mark), error.problem or error.context
-            if "nesting depth" in str(problem):  # libyaml looks ahead, and has a bound of its own
+            if "nesting depth" in str(problem):  # libyaml has a bound of its own
                 raise InputError(NESTED, expected=LEVELS).at(place) from None
             hint = _yaml_hint(str(problem), place.text[place.column - 1 : place.column])
             raise InputError(f"this is not YAML: {problem}", hint=hint).at(place) from None
         except (yaml.YAMLError, ValueError, RecursionError, AttributeError) as error:
-            if isinstance(error, PinarmError):
-                raise
             raise InputError(f"this is not YAML: {str(error).splitlines()[0]}").at(Location(self.source)) from None
-        return self.root
+        return None if root is None else self._built(root, (), 1)
 
-    def _take(self, event: Any) -> None:
-        name = type(event).__name__
-        if name == "DocumentStartEvent":
-            self.documents += 1
-            if self.documents > 1 or event.version or event.tags:
-                raise self._refuse(event, "this begins another document, or is a directive", "one document")
-        if name == "AliasEvent" and self.tagged is not None and event.anchor in self.anchors:
-            self._put(self.anchors[event.anchor], event)
-            return
-        if name == "AliasEvent" or (getattr(event, "anchor", None) and self.tagged is None):
-            raise self._refuse(event, "anchors and aliases are not read", "write the value out")
-        if name in ("ScalarEvent", "MappingStartEvent", "SequenceStartEvent") and event.tag:
-            known = self.tagged is not None and name == "ScalarEvent"
-            if self.tagged is not None and known and (value := self.tagged(event.tag, event.value)) is not None:
-                self._put(value, event)
-                return
-            raise self._refuse(event, "tags are not read", "remove the word that begins with '!'")
-        if name == "MappingStartEvent":
-            self._open({}, event)
-        elif name == "SequenceStartEvent":
-            self._open([], event)
-        elif name in ("MappingEndEvent", "SequenceEndEvent"):
-            container, _, anchor, _ = self.stack.pop()
-            if anchor:
-                self.anchors[anchor] = container
-        elif name == "ScalarEvent":
-            self._scalar(event)
-
-    def _open(self, container: Any, event: Any) -> None:
-        if len(self.stack) >= MAX_DEPTH:
-            raise self._refuse(event, NESTED, LEVELS)
-        path = self._put(container, event)
-        self.stack.append((container, path, event.anchor, []))
-
-    def _scalar(self, event: Any) -> None:
-        if any("\ud800" <= c <= "\udfff" for c in event.value):
-            raise self._refuse(event, "this contains half of a surrogate pair", "Unicode characters")
-        container, path, _, pending = self.stack[-1] if self.stack else (None, (), None, [])
-        if isinstance(container, dict) and not pending:
-            if event.value in container and self.tagged is None:
-                first = self.keys[(*path, event.value)].line
-                raise self._refuse(event, f"the key '{event.value}' stands twice (first in line {first})", "remove one")
-            pending.append(event.value)
-            self.keys[(*path, event.value)] = self._location(event.start_mark, len(event.value))
-        else:
-            self._put(value := self._value(event), event)
-            if event.anchor:
-                self.anchors[event.anchor] = value
-
-    def _put(self, value: Any, event: Any) -> Path_:
-        """Add a value to the open container and return its path."""
-        self.count += _size(value, MAX_VALUES)
+    def _built(self, node: Any, path: Path_, depth: int) -> Any:
+        """Return the value of a node, and note its place."""
+        self.count += 1
         if self.count > MAX_VALUES:
-            raise self._refuse(event, "the file holds too many values", f"at most {MAX_VALUES}; tables go in CSV files")
-        if not self.stack:
-            self.root = value
-            self.places[()] = self._location(event.start_mark)
-            return ()
-        container, path, _, pending = self.stack[-1]
-        if isinstance(container, list):
-            container.append(value)
-            here = (*path, len(container) - 1)
-            self.places[here] = self._location(event.start_mark, _width(event))
-            return here
-        if not pending:
-            raise self._refuse(event, "a list or map cannot be a key", "a plain word as key")
-        here = (*path, pending.pop())
-        container[here[-1]] = value
-        plain = not isinstance(value, dict | list) and _width(event)
-        self.places[here] = self._location(event.start_mark, _width(event)) if plain else self.keys[here]
-        return here
+            raise self._refuse(node, "the file holds too many values", f"at most {MAX_VALUES}; tables go in CSV files")
+        text, width = self._text(node), _width(node)
+        below_key = path in self.keys and not (width and node.id == "scalar")
+        self.places[path] = self.keys[path] if below_key else self._location(node.start_mark, width)
+        if node.tag not in _UNTAGGED:
+            value = self.tagged(node.tag, text) if self.tagged and node.id == "scalar" else None
+            if value is None:
+                raise self._refuse(node, *TAGGED)
+            return value
+        if node.id == "scalar":
+            return text if node.style else self._value(text, node)
+        if depth > MAX_DEPTH:
+            raise self._refuse(node, NESTED, LEVELS)
+        if node.id == "sequence":
+            return [self._built(item, (*path, index), depth + 1) for index, item in enumerate(node.value)]
+        built: dict[str, Any] = {}
+        for key_node, item in node.value:
+            if key_node.id != "scalar":
+                raise self._refuse(key_node, "a list or map cannot be a key", "a plain word as key")
+            key = self._text(key_node)
+            at = (*path, key)
+            if key in built and self.tagged is None:
+                message = f"the key '{key}' stands twice (first in line {self.keys[at].line})"
+                raise self._refuse(key_node, message, "remove one")
+            self.keys[at] = self._location(key_node.start_mark, len(key))
+            built[key] = self._built(item, at, depth + 1)
+        return built
 
-    def _value(self, event: Any) -> Any:
-        """Resolve a scalar by the YAML 1.2 core schema."""
-        text: str = event.value
-        if not event.implicit[0]:
-            return text
+    def _text(self, node: Any) -> str:
+        """Return the text of a scalar, nothing of others; refuse tags and anchors, and with these all aliases."""
+        begin = node.start_mark.index
+        if self.tagged is None and self.text[begin : begin + 1] in ("!", "&"):
+            raise self._refuse(node, *TAGGED)
+        text = node.value if node.id == "scalar" else ""
+        if any("\ud800" <= c <= "\udfff" for c in text):
+            raise self._refuse(node, "this contains half of a surrogate pair", "Unicode characters")
+        return text
+
+    def _value(self, text: str, node: Any) -> Any:
+        """Resolve a plain scalar by the YAML 1.2 core schema."""
         if text in _WORDS:
             return _WORDS[text]
         digits, prefixed = _NUMBER.fullmatch(text), _INTEGER.fullmatch(text)
         if (digits or prefixed) and len(text) > MAX_DIGITS:
-            raise self._refuse(event, "this number has too many digits", f"at most {MAX_DIGITS}")
+            raise self._refuse(node, "this number has too many digits", f"at most {MAX_DIGITS}")
         if digits:
             return float(text) if set(text) & set(".eE") else int(text)
         if prefixed:
@@ -167,24 +133,14 @@ class Builder:
         text = self.lines[mark.line] if mark.line < len(self.lines) else ""
         return Location(self.source, mark.line + 1, mark.column + 1, text, max(width, 1))
 
-    def _refuse(self, event: Any, message: str, expected: str) -> PinarmError:
-        return InputError(message, expected=expected).at(self._location(event.start_mark))
+    def _refuse(self, node: Any, message: str, expected: str) -> PinarmError:
+        return InputError(message, expected=expected).at(self._location(node.start_mark))
 
 
-def _size(value: Any, most: int) -> int:
-    """Return the number of values in a value, itself included; if above ``most``, any number above it."""
-    waiting, count = [value], 0
-    while waiting and count <= most:
-        value, count = waiting.pop(), count + 1
-        if isinstance(value, list | dict):
-            waiting += value.values() if isinstance(value, dict) else value
-    return count
-
-
-def _width(event: Any) -> int:
-    """Return the width of an event on one line, 0 without a value; of several lines, the length of its value."""
-    begin, end = event.start_mark, event.end_mark
-    return int(end.column - begin.column if end.line == begin.line else len(str(getattr(event, "value", ""))))
+def _width(node: Any) -> int:
+    """Return the width of a scalar on one line, of several lines the length of its value; 1 of a list or map."""
+    begin, end = node.start_mark, node.end_mark
+    return 1 if node.id != "scalar" else end.column - begin.column if end.line == begin.line else len(node.value)
 
 
 def _yaml_hint(problem: str, character: str) -> str:

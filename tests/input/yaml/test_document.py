@@ -105,8 +105,9 @@ def test_places_survive_a_byte_order_mark_and_windows_line_ends(tmp_path: Path) 
     [
         ("a: 1\nb: 2\na: 3\n", "the key 'a' stands twice (first in line 1)", (3, 1)),
         ("x: {a: 1, 'a': 2}\n", "the key 'a' stands twice", (1, 11)),
-        ("a: &b 1\n", "anchors and aliases", (1, 4)),
-        ("a: [*b]\n", "anchors and aliases", (1, 5)),
+        ("a: &b 1\n", "anchors, aliases and tags", (1, 4)),
+        ("a: [*b]\n", "undefined alias", (1, 5)),
+        ("a: &b [1]\nc: *b\n", "anchors, aliases and tags", (1, 4)),
         ("a: !!python/object/apply:os.system [x]\n", "tags are not read", (1, 4)),
         ("? [1]\n: 2\n", "cannot be a key", (1, 3)),
         ("a:\n\tb: 1\n", "not YAML", (2, 1)),
