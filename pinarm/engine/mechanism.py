@@ -211,8 +211,9 @@ def mechanism_variants(
     said = mechanism.description
     if source.model is not None or source.base is not None or said.planar is not None or said.parameters:
         raise VariantsDiffer("a model that is not read from a file as it is")
+    arrays = {name: np.array(values, dtype=np.float64) for name, values in columns.items()}
     with file_root(None, source.packages):
-        expanded = expand_columns(source.robot, given, columns, root=root_of(source.folder / "mechanism.yaml"))
+        expanded = expand_columns(source.robot, given, arrays, root=root_of(source.folder / "mechanism.yaml"))
     if expanded is None or not expanded.columns:
         raise VariantsDiffer("a model whose expansion is not recorded, or in which no number varies")
     variants, possible = model_variants(mechanism.model, mechanism.xml, expanded.xml, expanded.columns)
@@ -256,13 +257,9 @@ def require_joint_forces(forces: Mapping[str, ForceElement]) -> None:
         raise VariantsDiffer(f"the force element '{others[0]}'")
 
 
-def _numbers(text: str | Sequence[str] | Array) -> float | Array:
+def _numbers(argument: str | Array) -> float | Array:
     """Return an argument, or those of all variants, shape (k,)."""
-    if isinstance(text, np.ndarray) and text.dtype == np.float64:
-        return text
-    texts = [text] if isinstance(text, str) else text
     try:
-        numbers = [*map(decimal, texts)]
+        return decimal(argument) if isinstance(argument, str) else argument
     except ValueError:
         raise VariantsDiffer("an argument that is a word in some variants") from None
-    return numbers[0] if isinstance(text, str) else np.array(numbers)

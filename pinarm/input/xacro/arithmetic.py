@@ -1,9 +1,9 @@
 """The expressions of xacro: Python's numbers, texts, truth values, lists and maps, of bounded size, and columns.
 
-A column is a value in many rows at once: of an expansion whose arguments are columns of numbers. Arithmetic with a
+A column is a float in many rows at once: of an expansion whose arguments are columns of numbers. Arithmetic with a
 column gives a column, row by row. In text a column is a mark, ``__column_3__``, which no file of the model contains.
-Every decision by a column (a branch, whether a text is a number) is that of its first row; rows that decide otherwise
-are no longer held. What cannot be expanded so raises ``NotByRows``.
+Every decision by a column (a branch, an integer, a text) is that of its first row; rows that decide otherwise are no
+longer held. What cannot be expanded so raises ``NotByRows``, such as a number with a mark for some of its digits.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pinarm.records import ValueRecord
 
 MARK = "__column_"
 """Begin of all marks; an expression takes a mark for a name."""
-_MARK = re.compile(f"{MARK}([0-9]+)__")
+MARKS = re.compile(f"{MARK}[0-9]+__")
 
 EXACT: dict[str, Callable[..., Any]] = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
 """The four operations of IEEE 754, which arrays and single numbers take bit by bit alike."""
@@ -39,16 +39,6 @@ class NotByRows(ModelError):
         super().__init__("what the model is depends on a number in a way that is not followed")
 
 
-def column(values: Iterable[Any]) -> Array:
-    """Return values in the rows of a table: floats, or objects where some are others."""
-    if isinstance(values, np.ndarray) and values.dtype == np.float64:
-        return values
-    rows = list(values)
-    filled: Array = np.empty(len(rows), dtype=float if {*map(type, rows)} == {float} else object)
-    filled[:] = rows
-    return filled
-
-
 def require_unmarked(text: str) -> str:
     """Return a text that does not depend on a column."""
     if MARK in text:
@@ -57,16 +47,15 @@ def require_unmarked(text: str) -> str:
 
 
 class Column:
-    """A value of an expansion in all rows; its text is a mark, its truth a decision."""
+    """A float in all rows; its text is a mark, its truth a decision."""
 
     def __init__(self, rows: Rows, values: Array) -> None:
-        self.rows, self.values, self.place = rows, values, -1
+        self.rows, self.values, self.mark = rows, values, ""
 
     def __str__(self) -> str:
-        if self.place < 0:
-            self.place = len(self.rows.marked)
-            self.rows.marked.append(self)
-        return f"{MARK}{self.place}__"
+        self.mark = self.mark or f"{MARK}{len(self.rows.marked)}__"
+        self.rows.marked[self.mark] = self
+        return self.mark
 
     def __bool__(self) -> bool:
         return self.rows.decided(self.values.astype(bool))
@@ -81,68 +70,53 @@ class Rows:
 
     def __init__(self, count: int) -> None:
         self.holds: Flags = np.ones(count, dtype=bool)
-        self.marked: list[Column] = []
+        self.marked: dict[str, Column] = {}
 
     def decided(self, outcomes: Flags) -> bool:
         """Return the outcome of the first row, and drop rows that have another."""
         self.holds &= outcomes == outcomes[0]
         return bool(outcomes[0])
 
-    def applied(self, function: Callable[..., Any], operands: Sequence[Any], name: str = "") -> Column:
-        """Return the values of a function in all rows; those of rows that are not held are of the first row."""
+    def applied(self, function: Callable[..., Any], operands: Sequence[Any], name: str = "") -> Any:
+        """Return the values of a function in all rows, those of rows that are not held are of the first row.
+
+        A value that is no float is a decision, and the same in all rows.
+        """
         values = [operand.values if isinstance(operand, Column) else operand for operand in operands]
-        if name in EXACT and all(map(_are_floats, values)) and (name != "/" or np.all(values[1])):
+        if name in EXACT and all(map(_is_number, values)) and (name != "/" or np.all(values[1])):
             with np.errstate(all="ignore"):  # what overflows is infinite in Python, too
                 return Column(self, np.asarray(EXACT[name](*values), dtype=np.float64))
         spread = [value.tolist() if isinstance(value, np.ndarray) else repeat(value) for value in values]
         results: list[Any] = []
-        for holds, row in zip(self.holds.tolist(), zip(*spread, strict=False), strict=False):
-            results.append(function(*row) if holds else results[0])
-        return Column(self, column(results))
+        for row, arguments in enumerate(zip(*spread, strict=False)):
+            result = function(*arguments) if self.holds[row] else results[0]
+            first = results[0] if results else result
+            self.holds[row] &= type(result) is type(first) and (isinstance(result, float) or result == first)
+            results.append(result if self.holds[row] else first)
+        return Column(self, np.array(results)) if isinstance(results[0], float) else results[0]
 
-    def literal(self, plain: Callable[[Any], Any], text: str) -> Any:
-        """Return the number that a text is, or the text, as ``plain`` finds it in every row."""
-        if MARK not in text:
+    def literal(self, plain: Callable[[str], Any], text: str) -> Any:
+        """Return the number that a text is, or the text; of a word with a mark in it only ``-mark`` is followed."""
+        word = text.strip()
+        if MARK not in word or len(word.split()) > 1:
             return plain(text)
-        read = self.lifted(text)
-        if read.values.dtype != np.float64:  # Python writes floats so that they are read as themselves
-            read = self.applied(lambda value: plain(str(value)), [read])
-            if self.decided(np.array([isinstance(value, str) for value in read.values.tolist()])):
-                return str(read)
-        return read
+        return Column(self, -self.column(word[1:], signed=False).values) if word[0] == "-" else self.column(word)
 
-    def lifted(self, text: str) -> Column:
-        texts, columns = self.parts(text)
-        if texts == ["", ""]:
-            return columns[0]
-        return self.applied(lambda *values: joined(texts, values), columns)
-
-    def parts(self, text: str) -> tuple[list[str], list[Column]]:
-        """Return the texts around the marks of a text, and the columns that these stand for."""
-        pieces = _MARK.split(text)
-        return pieces[::2], [self.marked[int(place)] for place in pieces[1::2]]
-
-    def named(self, name: str) -> Column | None:
-        """Return the column of a mark in an expression, numbers without a sign; ``None`` for another name."""
-        match = _MARK.fullmatch(name)
-        if match is None:
-            return None
-        known = self.marked[int(match[1])]
-        values = known.values.tolist()
-        plain = [type(value) in (int, float) and not str(value).startswith("-") for value in values]
-        if not self.decided(np.array(plain)):
+    def column(self, mark: str, *, signed: bool = True) -> Column:
+        """Return the column of a mark; only in rows without a sign, as in the first one, where it may have none."""
+        known = self.marked.get(mark)
+        if known is None or not (signed or self.decided(~np.signbit(known.values))):
             raise NotByRows
         return known
 
+    def named(self, name: str) -> Column | None:
+        """Return the column of a mark in an expression; ``None`` for another name."""
+        return self.column(name, signed=False) if MARKS.fullmatch(name) else None
 
-def joined(texts: Sequence[str], values: Iterable[Any]) -> str:
-    """Return texts with a value between each and the next."""
-    return texts[0] + "".join(f"{value}{text}" for value, text in zip(values, texts[1:], strict=True))
 
-
-def _are_floats(values: Any) -> bool:
-    """Return whether a value is a column of floats, or a number: beside floats Python takes integers as floats."""
-    return values.dtype == np.float64 if isinstance(values, np.ndarray) else type(values) in (float, int)
+def _is_number(value: Any) -> bool:
+    """Return whether a value is a column, or a number: beside floats Python takes integers as floats."""
+    return isinstance(value, np.ndarray) or type(value) in (float, int)
 
 
 MAX_ITEMS = 1000

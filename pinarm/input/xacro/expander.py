@@ -6,17 +6,15 @@ Honest files expand as with the program xacro, version 2; comments are left out.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
-
 from pinarm.arrays import Array, Flags
 from pinarm.errors import InputError, ModelError, PinarmError, choices
 from pinarm.input.roots import contained_file
-from pinarm.input.xacro.arithmetic import MARK, Column, NotByRows, Rows, column, joined
+from pinarm.input.xacro.arithmetic import MARK, MARKS, Column, NotByRows, Rows
 from pinarm.input.xacro.evaluation import Evaluator, Scope, Unevaluated
 from pinarm.input.xml_text import MAX_BYTES, MAX_ELEMENTS, MAX_LINKS, MAX_TEXT, Element, bound, read, tree_of
 from pinarm.records import ValueRecord
@@ -338,7 +336,8 @@ class ExpandedColumns(ValueRecord, frozen=True):
     """An expansion for columns of numbers.
 
     Attributes:
-        arguments: Every ``xacro:arg``: its text, or its texts, floats in the place of what Python writes for them.
+        columns: Words in the text -> the numbers in their place.
+        arguments: Every ``xacro:arg``: its text, or its numbers.
     """
 
     xml: str
@@ -365,29 +364,25 @@ def expand(path: Path, arguments: Mapping[str, float | str], *, root: Path) -> E
 
 
 def expand_columns(
-    path: Path, arguments: Mapping[str, float | str], columns: Mapping[str, Sequence[float] | Array], *, root: Path
+    path: Path, arguments: Mapping[str, float | str], columns: Mapping[str, Array], *, root: Path
 ) -> ExpandedColumns | None:
     """Expand a xacro file for columns of arguments; ``None`` where its expansion cannot be followed for many rows.
 
     Args:
         arguments: Values of its ``xacro:arg`` in the first row.
+        columns: Those that vary -> finite numbers, shape (rows,).
     """
     rows = Rows(len(next(iter(columns.values()))))
     texts = {name: _argument(name, value) for name, value in arguments.items()}
-    texts |= {name: str(Column(rows, _column(name, values))) for name, values in columns.items()}
+    texts |= {name: str(Column(rows, values)) for name, values in columns.items()}
     try:
         expansion = Expander(root, texts, rows).run(contained_file(path.absolute(), root), str(path))
+        told = {name: rows.literal(str, text) for name, text in expansion.arguments.items()}
     except NotByRows:
         return None
-    pieces, used = rows.parts(expansion.xml)
-    words = {varied.place: f"column_{varied.place}_of_{len(rows.marked)}" for varied in used}
-    xml = joined(pieces, (words[varied.place] for varied in used))
-    told: dict[str, str | Array] = {**expansion.arguments}
-    for name, text in expansion.arguments.items():
-        if MARK in text:
-            values = rows.lifted(text).values
-            told[name] = values if values.dtype == np.float64 else column(map(str, values.tolist()))
-    return ExpandedColumns(xml, {words[varied.place]: varied.values for varied in used}, told, rows.holds)
+    known = {name: value.values if isinstance(value, Column) else value for name, value in told.items()}
+    used = {mark: rows.marked[mark].values for mark in dict.fromkeys(MARKS.findall(expansion.xml))}
+    return ExpandedColumns(expansion.xml, used, known, rows.holds)
 
 
 def check_declared(names: Iterable[str], declared: Mapping[str, object]) -> None:
@@ -409,12 +404,3 @@ def _argument(name: str, value: float | str) -> str:
     if text in ("nan", "inf", "-inf") or len(text) > MAX_TEXT or MARK in text:
         raise InputError(f"the argument '{name}' is {text[:20]!r}", expected="a finite number or a short text")
     return text
-
-
-def _column(name: str, values: Sequence[float] | Array) -> Array:
-    numbers = column(values)
-    if numbers.dtype == np.float64 and np.isfinite(numbers).all():
-        return numbers
-    for value in numbers.tolist():
-        _argument(name, value)
-    return column(int(value) if isinstance(value, int) else float(value) for value in numbers.tolist())

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
@@ -38,8 +37,8 @@ ROUNDING = 1e-13
 KEPT = 4
 """Texts that are kept as they have been read: the variants of one model come in many chunks."""
 
-Columns = Mapping[str, Sequence[Any] | Array]
-"""A word in an attribute -> the numbers of the variants in its place, or texts of several numbers."""
+Columns = Mapping[str, Array]
+"""A word in an attribute -> the numbers of the variants in its place, shape (k,)."""
 
 IDENTITY = VariantPlacement.of(pin.SE3.Identity())
 
@@ -86,11 +85,10 @@ class _Numbers:
     def read(self, text: str) -> Array:
         """Return the numbers of a text, shape (k, numbers), or (1, numbers) where none varies."""
         try:
-            words = [_column(self.columns.get(word, (word,))) for word in text.split()]
+            words = [self.columns[word] if word in self.columns else decimal(word) for word in text.split()]
         except ValueError:
             raise VariantsDiffer(f"'{text}'") from None
-        count = max(map(len, words), default=1)
-        return np.concatenate([np.broadcast_to(word, (count, word.shape[1])) for word in words], axis=1)
+        return np.atleast_2d(np.stack(np.broadcast_arrays(*words), axis=-1))
 
     def placement(self, origin: Element | None) -> VariantPlacement:
         if origin is None:
@@ -99,14 +97,6 @@ class _Numbers:
             raise VariantsDiffer("an origin with a quaternion")
         shift, angles = (self.read(origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
         return VariantPlacement(_turns(angles), shift)
-
-
-def _column(column: Sequence[Any] | Array) -> Array:
-    """Return the numbers of a column, shape (k, 1), or of a column of texts, shape (k, numbers)."""
-    if isinstance(column, np.ndarray) and column.dtype == np.float64:
-        return column[:, None]
-    rows = [[*map(decimal, value.split())] if isinstance(value, str) else [float(value)] for value in column]
-    return np.array(rows, dtype=np.float64)
 
 
 class _Variants:

@@ -30,7 +30,9 @@ def variants(**columns: list[float]) -> tuple:
               for row in zip(*columns.values(), strict=True)]  # fmt: skip
     first = TEXT.format(**PLAIN | {name: values[0] for name, values in columns.items()})
     marked = TEXT.format(**PLAIN | {name: f"word_{name}" for name in columns})
-    found = model_variants(models[0], first, marked, {f"word_{name}": values for name, values in columns.items()})
+    found = model_variants(
+        models[0], first, marked, {f"word_{name}": np.array(values) for name, values in columns.items()}
+    )
     return *found, models
 
 
@@ -65,7 +67,8 @@ def test_what_no_body_can_be_is_marked() -> None:
         "w_mass": [3.0, -1.0, 3.0, 3.0, 3.0], "w_inertia": [0.4, 0.4, 5.0, -0.1, 0.4],
         "w_height": [1.0, 1.0, 1.0, 1.0, float("nan")],
     }  # fmt: skip
-    _, possible = model_variants(build_model(first).model, first, marked, columns)
+    arrays = {word: np.array(values) for word, values in columns.items()}
+    _, possible = model_variants(build_model(first).model, first, marked, arrays)
     assert possible.tolist() == [True, False, False, False, False]
 
 
@@ -79,4 +82,4 @@ def test_what_no_body_can_be_is_marked() -> None:
 def test_words_that_stand_elsewhere_are_not_followed(old: str, new: str) -> None:
     text = TEXT.format(**PLAIN)
     with pytest.raises(VariantsDiffer):
-        model_variants(build_model(text).model, text, text.replace(old, new), {"word": [1.0, 2.0]})
+        model_variants(build_model(text).model, text, text.replace(old, new), {"word": np.array([1.0, 2.0])})
