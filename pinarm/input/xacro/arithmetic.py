@@ -100,7 +100,9 @@ class Rows:
         word = text.strip()
         if MARK not in word or len(word.split()) > 1:
             return plain(text)
-        return Column(self, -self.column(word[1:], signed=False).values) if word[0] == "-" else self.column(word)
+        if word[0] != "-":
+            return self.column(word)
+        return self.applied(operator.neg, [self.column(word[1:], signed=False)], "-x")
 
     def column(self, mark: str, *, signed: bool = True) -> Column:
         """Return the column of a mark; only in rows without a sign, as in the first one, where it may have none."""

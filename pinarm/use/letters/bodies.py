@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import operator
-import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, TypeAlias
@@ -21,7 +20,7 @@ from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.roots import contained_file, file_root, root_of
-from pinarm.input.xacro.arithmetic import Column, Rows, joined
+from pinarm.input.xacro.arithmetic import MARKS, Column, Rows
 from pinarm.input.xacro.expander import Expander
 from pinarm.mechanics.forces.joint_forces import SpringDamper
 from pinarm.mechanics.joints import Joint
@@ -43,9 +42,6 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "pow": operator.pow, "hypot": lambda *sides: sympy.sqrt(sum(side**2 for side in sides)),
     "radians": lambda degrees: degrees * sympy.pi / 180,
 }  # fmt: skip
-
-WORD = re.compile(r"(-?)traced_([0-9]+)")
-"""A traced number in the text of an expanded model."""
 
 Placement: TypeAlias = tuple[sympy.Matrix, sympy.Matrix]
 """Rotation, shape (3, 3), and position, shape (3, 1)."""
@@ -143,17 +139,14 @@ class TracedNumber(Column):
 class TracedRows(Rows):
     """The one row of a traced expansion."""
 
-    def applied(self, function: Callable[..., Any], operands: Sequence[Any], name: str = "") -> Column:
-        """Return the value of a function, with its formula; see ``Rows``."""
-        values, known = super().applied(function, operands, name).values, FUNCTIONS.get(name.removeprefix("math."))
+    def applied(self, function: Callable[..., Any], operands: Sequence[Any], name: str = "") -> Any:
+        """Return the value of a function, of a float with its formula; see ``Rows``."""
+        value, known = super().applied(function, operands, name), FUNCTIONS.get(name.removeprefix("math."))
+        if not isinstance(value, Column):
+            return value
         terms = [_formula(operand) for operand in operands]
         formula = known(*terms) if known and all(term is not None for term in terms) else None
-        return TracedNumber(self, values, formula)
-
-    def lifted(self, text: str) -> Column:
-        """Return the number of a text with marks; a minus before a mark is followed."""
-        texts, columns = self.parts(text)
-        return self.applied(operator.neg, columns, "-x") if texts == ["-", ""] else super().lifted(text)
+        return TracedNumber(self, value.values, formula)
 
 
 def _formula(operand: Any) -> sympy.Expr | None:
@@ -163,19 +156,16 @@ def _formula(operand: Any) -> sympy.Expr | None:
 
 
 def _traced(mechanism: Mechanism) -> tuple[str, dict[str, sympy.Expr]]:
-    """Return the text of a xacro model with words for numbers that follow from its arguments, and their formulas."""
+    """Return the text of a xacro model with marks for numbers that follow from its arguments, and their formulas."""
     path, rows = mechanism.source.robot, TracedRows(1)
     numbers = {name: value for name, value in mechanism.arguments.items() if isinstance(value, int | float)}
     texts = {name: str(TracedNumber(rows, np.array([float(value)]), letter(name))) for name, value in numbers.items()}
-    root, words = root_of(mechanism.source.folder / "mechanism.yaml"), dict[str, sympy.Expr]()
+    root = root_of(mechanism.source.folder / "mechanism.yaml")
     with file_root(None, mechanism.source.packages):
-        expansion = Expander(root, texts, rows).run(contained_file(path.absolute(), root), str(path))
-        pieces, used = rows.parts(expansion.xml)
-        for number in used:
-            formula, value = _formula(number), number.values.tolist()[0]
-            plain = exact(float(value)) if isinstance(value, int | float) else sympy.nan
-            words[f"traced_{number.place}"] = plain if formula is None else formula
-        return joined(pieces, (f"traced_{number.place}" for number in used)), words
+        xml = Expander(root, texts, rows).run(contained_file(path.absolute(), root), str(path)).xml
+    formulas = {mark: _formula(rows.marked[mark]) for mark in MARKS.findall(xml)}
+    values = {mark: exact(float(rows.marked[mark].values[0])) for mark in formulas}
+    return xml, {mark: values[mark] if formula is None else formula for mark, formula in formulas.items()}
 
 
 class _UrdfReader:
@@ -214,11 +204,10 @@ class _UrdfReader:
             self._walk(child, name, NOWHERE)
 
     def _number(self, text: str) -> sympy.Expr:
-        match = WORD.fullmatch(text)
-        if match is None:
+        formula = self.formulas.get(text.removeprefix("-"))
+        if formula is None:
             return exact(float(text))
-        formula = self.formulas[f"traced_{match[2]}"]
-        return -formula if match[1] else formula
+        return -formula if text[0] == "-" else formula
 
     def _vector(self, text: str | None, otherwise: str = "0 0 0") -> sympy.Matrix:
         return sympy.Matrix([self._number(word) for word in (text or otherwise).split()])
