@@ -44,6 +44,9 @@ CLOSED, TURNED = 1e-13, 1e-15
 """Gap at which a state of a table counts as closed [m or rad]: one step more ends at rounding. And what rounding of an
 angle of many turns leaves open, over the angle."""
 
+QUICK = 1e-3
+"""Part of a gap that a Newton step may leave for the next one to go by the same rows."""
+
 LARGE = 10**7
 """Number of entries of G, of several rows of a table, that are taken apart at once."""
 
@@ -205,17 +208,20 @@ class LoopSystem(Record, frozen=True):
             return q, v, self.rows.split(np.zeros((len(q), 0, v.shape[1])))
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
         mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
-        whole = size + np.abs(values).max(axis=1)
+        whole, (gaps, matrices), fresh = size + np.abs(values).max(axis=1), rows.at(q), True
+        splits = rows.split(matrices)
         for _ in range(ITERATIONS):
-            gaps, matrices = rows.at(q)
-            splits = rows.split(matrices)
             gaps = self._closable(values - gaps, splits, whole)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():
+                splits = splits if fresh else rows.split(matrices)
                 return q, solve(splits, mass, (mass @ v[..., None])[..., 0], self.rates(dw)), splits
             q = _moved(model, q, solve(splits, mass, still, gaps))
             excess = torn - CLOSED * whole - TURNED * size * np.abs(q).max(axis=1)
             polished = bool((excess <= 0.0).all())
+            gaps, matrices = rows.at(q)
+            fresh = bool((np.abs(values - gaps).max(axis=1) > QUICK * torn).any())  # else the rows before do
+            splits = rows.split(matrices) if fresh else splits
         worst = int(excess.argmax())
         raise self._open(float(t[worst]), q[worst], gaps[worst])
 
