@@ -223,6 +223,11 @@ class Dynamics(Record, frozen=True):
         return recorded
 
     @property
+    def leaps(self) -> bool:
+        """Whether loads may jump with the state of the mechanism."""
+        return bool(self._leaping)
+
+    @property
     def leaps_with_joints(self) -> bool:
         """Whether loads may jump with the state of the mechanism, and do so with single joints only."""
         return bool(self._leaping) and all(law.of_joints for law in self._leaping.values())

@@ -170,20 +170,26 @@ class Steps(Record, frozen=True):
 
 def first_step(
     time: tuple[float, float], y: Array, slope: Array, rates: Rates, tolerance: float, order: int, size: float = 1.0
-) -> float:
-    """Return the first step of a motion from ``time[0]`` to ``time[1]`` [s], from the slopes at two states.
+) -> Array:
+    """Return the first steps of m motions from ``time[0]`` to ``time[1]`` [s], from the slopes at two states of each.
 
     With the norm ``|x| = rms(x / (tol (size + |y|)))``: ``h0 = 0.01 |y| / |f|``, ``d2 = |f(t + h0, y + h0 f) - f| /
     h0``, ``h1 = (0.01 / max(|f|, d2))^(1 / (order + 1))``, ``h = min(100 h0, h1)``. Source: Hairer, Norsett,
     Wanner, Solving Ordinary Differential Equations I, section II.4.
+
+    Args:
+        y: States at the start, shape (m, n).
+        slope: Their slopes, shape (m, n).
+        rates: f at instants, shape (m,), of states, shape (m, n).
     """
-    (start, end), scale = time, tolerance * len(y) ** 0.5 * (size + np.abs(y))
-    d0, d1 = (float(np.linalg.norm(x / scale)) for x in (y, slope))
-    h0 = 1e-6 if min(d0, d1) < 1e-5 else 0.01 * d0 / d1
-    h0 = min(max(h0, NOISELESS * (end - start)), end - start)
-    steepest = max(d1, float(np.linalg.norm((rates(start + h0, y + h0 * slope) - slope) / scale)) / h0)
-    h1 = max(1e-6, 1e-3 * h0) if steepest <= 1e-15 else (0.01 / steepest) ** (1.0 / (order + 1))
-    return float(min(100.0 * h0, h1))
+    (start, end), scale = time, tolerance * y.shape[1] ** 0.5 * (size + np.abs(y))
+    d0, d1 = (np.linalg.norm(x / scale, axis=1) for x in (y, slope))
+    h0 = np.where(np.minimum(d0, d1) < 1e-5, 1e-6, 0.01 * d0 / np.maximum(d1, TINY))
+    h0 = np.clip(h0, NOISELESS * (end - start), end - start)
+    change = rates(start + h0, y + h0[:, None] * slope) - slope
+    steepest = np.fmax(d1, np.linalg.norm(change / scale, axis=1) / h0)
+    h1 = (0.01 / np.maximum(steepest, TINY)) ** (1.0 / (order + 1))
+    return np.minimum(100.0 * h0, np.where(steepest <= 1e-15, np.maximum(1e-6, 1e-3 * h0), h1))
 
 
 def dense_terms(tableau: Tableau, rates: Rates, steps: Steps) -> Array:

@@ -56,10 +56,10 @@ class IntegratedMotion(SolvedMotion, Record, frozen=True):
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""
         motion = self.motion.complete(grid)
-        others = tuple(self._table(grid, other) for other in motion.others)
-        return replace(self._table(grid, motion), others=others)
+        others = tuple(self.table(grid, other) for other in motion.others)
+        return replace(self.table(grid, motion), others=others)
 
-    def _table(self, grid: Grid, motion: CompletedStates) -> Trajectory:
+    def table(self, grid: Grid, motion: CompletedStates) -> Trajectory:
         """Return completed states as a table, with what controllers did and with events."""
         rows = replace(states(self.mechanism, self.hybrid, grid, motion), dynamics=self.motion.dynamics)
         if self.hybrid.controls:

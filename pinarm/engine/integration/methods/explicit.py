@@ -313,7 +313,11 @@ class AdaptiveStepper(ExplicitStepper):
             return h
         self.count.evaluations += 1
         time, order, size = (self.interval.start, self.interval.end), self.order - 1, self.interval.size
-        return first_step(time, self.y, self.slopes[0], self._trial, self.tolerance, order, size)
+
+        def rates(t: Array, y: Array) -> Array:
+            return self._trial(float(t[0]), y[0])[None]
+
+        return float(first_step(time, self.y[None], self.slopes[:1], rates, self.tolerance, order, size)[0])
 
     def attempt(self, t: float, h: float) -> float:
         self.advance(t, h)

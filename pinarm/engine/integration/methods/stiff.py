@@ -188,7 +188,10 @@ class RadauStepper(Stepper):
     def first(self, h: float) -> float:
         start, end, order = self.interval.start, self.interval.end, len(self.tableau.c)
         size = self.interval.size
-        return h or first_step((start, end), self.y, self.slope, self.rates, self.tolerance, order, size)
+        if h:
+            return h
+        state = self.y[None], self.slope[None]
+        return float(first_step((start, end), *state, self.all_rates, self.tolerance, order, size)[0])
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error over the tolerance, NaN without convergence."""

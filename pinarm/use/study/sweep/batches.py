@@ -13,15 +13,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.motion.free_motions import follow, free_interval
+from pinarm.engine.motion.integrated_motion import IntegratedMotion
+from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.quantities.state_arrays import columns_of
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, choices, require_map, require_name
+from pinarm.errors import InputError, PinarmError, choices, require_map, require_name
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.document import Values, joined
-from pinarm.mechanics.laws.motion_law import ROUNDING
+from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
-from pinarm.use.cases.case import Case, Row, Taken, Task, Wanted, solved_case
+from pinarm.use.cases.case import UNMEASURED, Case, Row, Taken, Task, Wanted, solved_case
 from pinarm.use.cases.solving import row_of
 from pinarm.use.facade import Result
 from pinarm.use.output import whole_folder
@@ -275,10 +278,48 @@ class Batch:
         task = Task.of(self.scenario, wanted, measured=measured)
         vars(task)["scenario"] = self.scenario  # whose mechanism is loaded
         solving = Solving(task, self.cases, columns)
+        if not measured and len(self) > 1:
+            self._take_together(solving, [entry for entry in wanted if isinstance(entry, InstantValues)])
         solving.run(self.runners)
         if not any(isinstance(entry, Wanted) for entry in wanted):  # which a motion may lack that is whole
             self._failures[:] = [solving.failures()]
         return solving
+
+    def _take_together(self, solving: Solving, wanted: Sequence[InstantValues]) -> None:
+        """Take the rows of motions that are followed together: free ones of a tree; see ``free_motions``.
+
+        The first motion is solved alone, and has to be the same.
+        """
+        try:
+            base = self.run(0)
+        except PinarmError:  # which is told where it is solved among the others
+            return
+        motion, t = base.outcome.motion, self.t
+        if not isinstance(motion, IntegratedMotion) or motion.mechanism is not self.scenario.mechanism:
+            return
+        if (interval := free_interval(motion)) is None:
+            return
+        q, v = self._starts(motion.hybrid)
+        for begin in range(0, len(self), TOGETHER):
+            cases = np.arange(begin, min(begin + TOGETHER, len(self)))
+            states, good = follow(motion.hybrid, interval, q[cases], v[cases], t)
+            if begin == 0 and not (good[0] and _close(states[0], np.hstack([base.trajectory.q, base.trajectory.v]))):
+                return
+            values = [_of_states(base, motion, t, states[good], entry.quantity) for entry in wanted]
+            row = np.concatenate([np.zeros((len(values[0]), 0)), *(x.reshape(len(x), -1) for x in values)], axis=1)
+            for case, numbers in zip(cases[good].tolist(), row, strict=True):
+                if np.isfinite(numbers).all():
+                    solving.take(case, Row((*numbers.tolist(), *UNMEASURED)))
+
+    def _starts(self, hybrid: HybridSystem) -> tuple[Array, Array]:
+        """Return the initial states of all motions, shape (b, nq) and (b, nv)."""
+        joints, (q, v) = self.scenario.mechanism.joints, (np.tile(x, (len(self), 1)) for x in hybrid.start)
+        columns = {column.path: column.as_array for column in self.cases.columns()}
+        for name, joint in joints.items():
+            for states, place, what in ((q, joint.q, "position"), (v, joint.v, "velocity")):
+                if (column := columns.get(joined(["problem", "initial", what, name]))) is not None:
+                    states[:, place] = column
+        return q, v
 
     def _table(self, solving: Solving) -> Sweep:
         return swept_of(self.scenario, solving, {"over": {x.path: list(x.values) for x in self.cases.columns()}})
@@ -288,6 +329,29 @@ class Batch:
         quantities = self.scenario.quantities()
         with np.errstate(all="ignore"):
             return {name: quantities[name] for name in names}
+
+
+TOGETHER = 256
+"""Motions that are followed together: all their steps are held at once."""
+
+AGREED = 1e-12
+"""Largest difference between a motion that is followed with others and the same one alone, over its size."""
+
+
+def _close(states: Array, alone: Array) -> bool:
+    return states.shape == alone.shape and bool(np.abs(states - alone).max() <= AGREED * np.abs(alone).max())
+
+
+def _of_states(base: ResultRecord, motion: IntegratedMotion, t: Array, states: Array, quantity: str) -> Array:
+    """Return a quantity of states, shape (b, n, nq + nv), at n instants; without a name these states."""
+    count, nq = len(states), motion.mechanism.model.nq
+    if not quantity or not count:
+        return states
+    rows, cuts = states.reshape(count * len(t), -1), base.trajectory.grid.cuts
+    grid = Grid(np.tile(t, count), cuts, (0, len(rows)))
+    complete = motion.hybrid.closed_system.complete(motion.motion.dynamics, grid, rows[:, :nq], rows[:, nq:])
+    values = base.quantities.of(motion.table(grid, complete)).determined(quantity).values
+    return np.asarray(values.reshape(count, len(t)))
 
 
 @dataclass(frozen=True)

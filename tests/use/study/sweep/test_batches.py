@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 from shutil import copytree
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -78,6 +79,31 @@ def test_every_motion_is_that_of_a_run_of_its_own(scenario, motor):
     run = batch.run(3)
     assert run.figures["energy"] == pytest.approx(expected.figures["energy"], abs=1e-9)
     assert run.scenario.document.data["problem"]["initial"]["velocity"]["B"] == "9.0 rad/s"
+
+
+def test_small_motions_and_ones_that_fail_beside_others_are_those_of_runs_of_their_own(scenario):
+    """Small ones have finer steps than others; the fourth takes more than 300."""
+    one = scenario(motor="{law: constant, value: 0 N*m}").varied({"accuracy.max_steps": 300})
+    starts, rates = {"O": [0.3, 1e-7, 0.0, 0.3], "B": [0.2, -1e-7, 0.0, 0.2]}, {"B": [0.0, 0.0, 0.0, 3000.0]}
+    batch = pinarm.batch(one, starts, rates)
+    q, _ = batch.states()
+    assert list(batch.failures) == [3]
+    assert np.isnan(q[3]).any()
+    for number in range(3):
+        expected = one.varied(batch.cases.values(number)).run().trajectory.q
+        assert np.abs(q[number] - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+def test_many_free_motions_of_a_tree_are_followed_together(scenario):
+    """300 take the time of some ten runs."""
+    one = scenario().varied({"problem.time.end": "0.1 s", "accuracy.tolerance": 1e-5})
+    starts = {"O": np.linspace(0.1, 1.0, 300)}
+    times = list[float]()
+    for solve in (one.run, one.run, pinarm.batch(one, starts).states):
+        begun = perf_counter()
+        solve()
+        times.append(perf_counter() - begun)
+    assert times[2] < 60 * times[1]
 
 
 def test_events_and_stops_are_those_of_each_motion(scenario):
