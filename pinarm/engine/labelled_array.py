@@ -67,27 +67,9 @@ class LabelledArray(Record, frozen=True):
         rows, columns = self.headings()
         return dataframe(self.values, columns).set_axis(rows, axis="index")
 
-    def cells(self) -> list[list[str]]:
-        """Return the table as texts: headings, and a line for each row, with the unit of the row."""
-        _, heads = self.headings()
-        lines = [
-            [name, str(own or UNKNOWN), *(_text(x) for x in line)]
-            for name, own, line in zip(self.rows, self.row_units, self.values.tolist(), strict=True)
-        ]
-        return [["", "unit", *heads], *lines]
-
 
 def _with_units(names: Sequence[str], units: Sequence[Unit | None]) -> list[str]:
     return [f"{name} [{own or UNKNOWN}]" if str(own) != "1" else name for name, own in zip(names, units, strict=True)]
-
-
-def _text(x: complex) -> str:
-    """Return a number as tables show it; nothing where there is no value."""
-    if np.isnan(x):
-        return ""
-    if isinstance(x, complex) and x.imag:
-        return f"{x.real:.6g}{x.imag:+.6g}j"
-    return f"{x.real:.6g}"
 
 
 def _unit(text: str) -> Unit | None:

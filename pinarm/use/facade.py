@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pinarm.errors import PinarmError
-from pinarm.language import decimals, in_language, said, told
 from pinarm.records import public_face
 from pinarm.use.result import result as results
 
@@ -30,10 +28,6 @@ if TYPE_CHECKING:
 
     # mypy compares the classes with the protocol, which are imported by name
     _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Limits, Response, Sensitivity)
-
-
-MOST_PLOTS, MOST_LINES, FRAME_HEIGHT = 8, 60, 400
-"""In a notebook: most outputs that are drawn without being asked, most rows of a table, height of the replay [px]."""
 
 
 class Result(results.Result, frozen=True):
@@ -185,38 +179,11 @@ class Result(results.Result, frozen=True):
 
         return save(self, Path(folder), plots=plots, dpi=dpi)
 
-    @in_language
     def _repr_html_(self) -> str:
-        """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
-        from pinarm.use.show.text import (
-            blocks,
-            folded,
-            frame,
-            heading,
-            lines,
-            picture,
-            ranges,
-            remarks,
-            section_html,
-            side_by_side,
-            table,
-        )
+        """Return the report, with its replay, for notebooks; saved ones keep it."""
+        import pinarm
 
-        first, *rows = ranges(self)
-        numbers = [first, *([*row[:2], *map(decimals, row[2:])] for row in rows)]
-        words = [told(line) for line in remarks(self)]
-        parts = [heading(self.content.title or self.name), table(numbers), lines(words)]
-        parts += [section_html(section, self.presentation) for section in self.shown_sections.values()]
-        short = {name: array for name, array in self.arrays.items() if len(array.rows) <= MOST_LINES}
-        parts += [folded(name, table(array.cells())) for name, array in short.items()]
-        if len(self) > 1:
-            outputs = list(dict.fromkeys(self.content.outputs))[:MOST_PLOTS]
-            parts.append(side_by_side(picture(self.plot(*outputs)), picture(self.sketch())))
-        try:
-            parts.append(frame(self.replay(plots=()).html, height=FRAME_HEIGHT))
-        except PinarmError as error:
-            parts.append(lines([said("no replay: {why}", why=error)]))
-        return blocks(*parts)
+        return pinarm.report(self)._repr_html_()
 
     def __reduce__(self) -> tuple[Any, ...]:
         from pinarm.use.result.stored_rows import arrays_of, result_of

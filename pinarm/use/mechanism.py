@@ -42,9 +42,9 @@ class Mechanism(mechanism.Mechanism, frozen=True):
     def _repr_html_(self) -> str:
         """Return bodies, joints, loops, forces and drives as tables, for notebooks."""
         from pinarm.use.show.structure import mechanism_tables
-        from pinarm.use.show.text import blocks, heading
+        from pinarm.use.show.text import tag, text
 
-        return blocks(heading(self.title), *(table.html() for table in mechanism_tables(self)))
+        return tag("h4", text(self.title)) + "".join(table.html() for table in mechanism_tables(self))
 
     @classmethod
     def load(

@@ -348,4 +348,4 @@ class Isolation(Record, frozen=True):
     def _repr_html_(self) -> str:
         from pinarm.use.show.text import lines
 
-        return lines(str(self).split("\n"))
+        return lines(str(self))

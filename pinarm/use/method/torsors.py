@@ -155,10 +155,9 @@ class Torsor(Record, frozen=True):
         return self.text()
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show.text import blocks, heading, table
+        from pinarm.use.show.text import lines
 
-        words, rows = self._written(None)
-        return blocks(heading(words), table(rows))
+        return lines(str(self))
 
 
 def _in_basis(parts: Array, turn: Array) -> Array:

@@ -36,6 +36,7 @@ from pinarm.use.show.text import (
     accuracy_lines,
     counted,
     error_lines,
+    figure,
     frame,
     number,
     part,
@@ -177,11 +178,6 @@ def appendix(*parts: str) -> str:
     """Return the appendix of a chapter from its parts, as HTML."""
     inner = "\n".join(filter(None, parts)).replace("h3>", "h4>")
     return tag("section", f"{tag('h3', said('Appendix'))}\n{inner}", "appendix")
-
-
-def figure(drawn: Picture, kind: str = "") -> str:
-    """Return a picture as a figure of the page."""
-    return tag("figure", drawn.svg(), kind)
 
 
 def _warnings(result: Result) -> list[str]:

@@ -15,9 +15,10 @@ from pinarm.language import document, in_language, said, spoken, told, writing
 from pinarm.records import Record, replace
 from pinarm.use.facade import Result
 from pinarm.use.output import write_file
-from pinarm.use.report.chapter import Chapter, appendix, chapter_on, figure, keyless, problem_rows, provenance
+from pinarm.use.report.chapter import Chapter, appendix, chapter_on, keyless, problem_rows, provenance
 from pinarm.use.show.text import (
     ReportTable,
+    figure,
     frame,
     number,
     part,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -195,11 +194,11 @@ class Section(Record, frozen=True):
         return replace(self, tables=[*self.tables, table], remarks=[*self.remarks, *(said if name else ())])
 
     def _repr_html_(self) -> str:
-        """Return tables, remarks and graphs, for notebooks."""
-        from pinarm.use.result.presentation import FOR_PEOPLE, Presentation
+        """Return the first table, remarks and graphs, for notebooks."""
+        from pinarm.use.result.presentation import FOR_PEOPLE
+        from pinarm.use.show.text import section_html
 
-        html: str = import_module("pinarm.use.show.text").section_html(self.shown(FOR_PEOPLE), Presentation())
-        return html
+        return section_html(self.shown(FOR_PEOPLE))
 
 
 def numbered(figures: Mapping[str, CurveFigure]) -> dict[str, Any]:

@@ -127,9 +127,8 @@ class _Sketch:
     def __init__(self, mechanism: Mechanism, seen: Scene, how: Presentation) -> None:
         self.seen, self.axes, self.names = seen, seen.framing.axes, names_of(mechanism, seen, how)
         self.flat, self.how = seen.framing.normal is not None, how
-        lengths = [float(np.linalg.norm(stick.points[-1])) for stick in seen.figure.rods]
-        typical = float(np.median(lengths)) if lengths else seen.framing.size
-        self.thickness = float(np.clip(LINKS * typical / seen.framing.size, THINNEST, 1.0))
+        size = seen.framing.size
+        self.thickness = float(np.clip(LINKS * (seen.figure.link or size) / size, THINNEST, 1.0))
         """Factor of the widths of lines and marks: less than 1 where the links are many and short."""
 
     def picture(self, poses: Sequence[Pose], between: Sequence[Array], paths: Sequence[Array], title: str) -> Picture:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Complex
+from pinarm.arrays import Array, Complex, distinct
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import ForceElement
@@ -85,161 +84,131 @@ class Stick(ValueRecord, frozen=True):
     style: str = "-"
 
 
-class Disc(Record, frozen=True):
-    """A cam, a roller or a wheel.
-
-    Attributes:
-        node: The body that it is fixed to.
-        middle: Point of its axis in the plane of the outline, in the body [m], shape (3,).
-        outline: Points of its outline in the body [m], shape (n, 3).
-        axis: Unit vector of its axis in the body, shape (3,).
-    """
-
-    node: int
-    middle: Array
-    outline: Array
-    axis: Array
-
-    @property
-    def spoke(self) -> Array:
-        return np.array([self.middle, self.outline[0]])
-
-    def solid(self) -> Shape:
-        """Return it as a plate, its two faces as fans about the axis."""
-        n, half = len(self.outline), 0.5 * THICK * float(np.ptp(self.outline, axis=0).max()) * self.axis
-        middles = [self.middle + half, self.middle - half]
-        a, above, below = np.arange(n), np.full(n, 2 * n), np.full(n, 2 * n + 1)
-        b = (a + 1) % n
-        corners = [(above, a, b), (below, b + n, a + n), (a, a + n, b + n), (a, b + n, b)]
-        triangles = np.concatenate([np.stack(triangle, axis=1) for triangle in corners])
-        mesh = Mesh(np.concatenate([self.outline + half, self.outline - half, middles]), triangles)
-        return Shape(self.node, pin.SE3.Identity(), "mesh", (1.0, 1.0, 1.0), colour_of(self.node), mesh)
-
-
 class StickFigure(Record, frozen=True):
-    """Geometry of the bodies, each in its own frame.
+    """Bodies as lines and as solids, each in its own frame, and the marks of joints.
 
     Attributes:
-        nodes: The bodies.
         size: Length that thicknesses are relative to [m].
-        rods: Lines from the joint of a body to the points that it reaches.
-        discs: Cams and rollers, and wheels among the bodies that reach nowhere.
-        boxes: Boxes of the inertias of the other bodies that reach nowhere.
+        link: Typical length of a link [m]; 0 where no body reaches to another.
+        lines: Rods from the joint of a body to the points that it reaches; outlines of discs and boxes of the others.
+        solids: The same bodies as solids, and joints, where the model's file draws none.
+        pins: Bodies on joints that turn.
+        slides: Bodies on joints that slide, and the lines, on their parents, along which they do in the whole motion.
+        mounts: Points of the world that pins, springs and loop joints are fixed to [m], shape (3,).
+        tips: Ends of rods at which there is neither a joint nor the end of a spring or a loop joint.
         joined: Springs, cables and loop joints.
     """
 
-    nodes: Sequence[Node]
     size: float
-    rods: Sequence[Stick]
-    discs: Sequence[Disc]
-    boxes: Sequence[Shape]
+    link: float
+    lines: Sequence[Stick]
+    solids: Sequence[Shape]
+    pins: Sequence[int]
+    slides: Mapping[int, Stick]
+    mounts: Sequence[Array]
+    tips: Sequence[BodyPoint]
     joined: Sequence[Connection]
 
-    @cached_property
-    def lines(self) -> Sequence[Stick]:
-        """The bodies as lines: rods, outlines and spokes of discs, edges of boxes."""
-        lines = [(disc.node, line) for disc in self.discs for line in (disc.outline, disc.spoke)]
-        edges = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
-        lines += [(box.node, box.extent()[[*edge]]) for box in self.boxes for edge in edges]
-        return [*self.rods, *(Stick(node, line, THIN) for node, line in lines)]
 
-    def on(self, *kinds: str) -> list[int]:
-        """Return the bodies on joints of some kinds whose parents carry links: others are part of a floating joint."""
-        nodes = self.nodes
-        behind = (k for k in range(1, len(nodes)) if nodes[k].carries and nodes[k].kind in kinds)
-        return [k for k in behind if not nodes[k].parent or nodes[nodes[k].parent].carries]
+def stick_figure(
+    mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[Connection], bare: frozenset[int]
+) -> StickFigure:
+    """Return the figure of a mechanism.
 
-    @cached_property
-    def pins(self) -> Sequence[int]:
-        """Bodies on joints that turn."""
-        return self.on("turn")
-
-    @cached_property
-    def slides(self) -> Mapping[int, Stick]:
-        """Bodies on joints that slide, and the lines, on their parents, along which they do in the whole motion."""
-        return {k: _rail(self.nodes[k], BEYOND * self.size) for k in self.on("slide")}
-
-    @cached_property
-    def mounts(self) -> list[Array]:
-        """Points of the world that pins, springs and loop joints are fixed to [m], shape (3,)."""
-        fixed = [np.asarray(self.nodes[k].placement.translation) for k in self.pins if not self.nodes[k].parent]
-        ends = [end for pair in self.joined if pair.kind != "slot" for end in pair.ends]
-        return [*fixed, *(end.place for end in ends if not end.node)]
-
-    @cached_property
-    def tips(self) -> list[BodyPoint]:
-        """Ends of rods at which there is neither a joint nor the end of a spring or a loop joint."""
-        known = self.carried | {(end.node, tuple(end.place)) for pair in self.joined for end in pair.ends}
-        ends = [BodyPoint(rod.node, rod.points[-1]) for rod in self.rods]
-        return [end for end in ends if (end.node, tuple(end.place)) not in known]
-
-    @cached_property
-    def carried(self) -> set[tuple[int, tuple[float, ...]]]:
-        """Places of joints: the body that carries one, and where."""
-        return {(node.parent, tuple(node.placement.translation)) for node in self.nodes}
-
-    def solids(self, up: Array, bare: frozenset[int]) -> list[Shape]:
-        """Return the solids of some bodies, and of the joints at them.
-
-        Args:
-            up: Against gravity, shape (3,): feet stand below joints on the ground.
-            bare: Bodies without shapes of their own; with 0 among them, joints on the ground stand on blocks.
-        """
-        shapes = [shape for rod in self.rods for shape in self._rod(rod)]
-        shapes += [*self.boxes, *(disc.solid() for disc in self.discs)]
-        shapes = [shape for shape in shapes if shape.node in bare]
-        if 0 in bare:
-            compact = {disc.node for disc in self.discs} | {box.node for box in self.boxes}
-            standing = [self.nodes[k].placement for k in self.pins if not self.nodes[k].parent and k not in compact]
-            places = {tuple(placement.translation.tolist()) for placement in standing}
-            shapes += [self._foot(up, np.array(place)) for place in sorted(places)]
-        moved = [k for k in range(1, len(self.nodes)) if bare & {k, self.nodes[k].parent or k}]
-        return shapes + [shape for k in moved for shape in self._joint(k)]
-
-    def _rod(self, rod: Stick) -> Iterator[Shape]:
-        """Yield a rod, and a ball at its end if that carries no joint."""
-        colour, (start, end) = colour_of(rod.node), rod.points
-        yield _cylinder(rod.node, start, end, ROD * self.size, colour)
-        if (rod.node, tuple(end)) not in self.carried:
-            yield Shape(rod.node, pin.SE3(np.eye(3), end), "sphere", (POINT * self.size,), colour)
-
-    def _foot(self, up: Array, at: Array) -> Shape:
-        width, height = (edge * self.size for edge in FOOT)
-        middle = at - (PIN * self.size + height / 2.0) * up
-        return Shape(0, _along(middle, up), "box", (width, width, height), GROUND)
-
-    def _joint(self, k: int) -> Iterator[Shape]:
-        """Yield the sign of a joint: a pin along a revolute axis, a block on a rail for a slide, a ball for others."""
-        radius, node = PIN * self.size, self.nodes[k]
-        if k in self.pins:
-            yield Shape(k, _along(np.zeros(3), node.axis), "cylinder", (radius, 3.2 * radius), DARK)
-        elif k in self.slides:
-            block = (2.4 * radius, 2.4 * radius, 4.0 * radius)
-            yield Shape(k, _along(np.zeros(3), node.axis), "box", block, DARK)
-            start, end = self.slides[k].points
-            yield _cylinder(node.parent, start, end, 0.5 * ROD * self.size, GROUND)
-        elif k in self.on("pose", "fixed") and node.placement.translation.any():
-            yield Shape(k, pin.SE3.Identity(), "sphere", (radius,), DARK)
-
-
-def stick_figure(mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[Connection]) -> StickFigure:
-    """Return the figure of a mechanism; ``joined`` are its springs and loop joints."""
+    Args:
+        mechanism: The mechanism.
+        nodes: Its bodies.
+        joined: Its springs and loop joints.
+        bare: Bodies without shapes of their own, which get solids; with 0 among them, joints on the ground get feet.
+    """
     model, reached = mechanism.model, reaches(mechanism.model, nodes)
-    carrying = [node for node in range(1, len(nodes)) if nodes[node].carries]
-    size = _size(model, [end for node in carrying for end in reached[node]])
-    rods = [Stick(node, np.array([np.zeros(3), end])) for node in carrying for end in reached[node]]
-    discs, wheels, boxes = list(_cams(mechanism, nodes)), dict(_wheels(mechanism)), list[Shape]()
-    for node in sorted({node for node in carrying if not len(reached[node])} - {cam.node for cam in discs}):
-        inertia, axis = model.inertias[node], nodes[node].axis
-        radius = wheels.get(node) or min(_disc_radius(inertia, axis), BOX * size)
-        if nodes[node].kind == "turn" and radius:
+    carrying = [k for k in range(1, len(nodes)) if nodes[k].carries]
+    lengths = sorted(float(np.linalg.norm(end)) for k in carrying for end in reached[k])
+    link = lengths[len(lengths) // 2] if lengths else 0.0
+    size = min(sum(lengths), LINKS * link) if lengths else _largest_box(model) / BOX
+    carried = {(node.parent, tuple(node.placement.translation)) for node in nodes}
+    ends = {(end.node, tuple(end.place)) for pair in joined for end in pair.ends}
+    lines, solids, tips = list[Stick](), list[Shape](), list[BodyPoint]()
+    for k in carrying:
+        for end in reached[k]:
+            lines.append(Stick(k, np.array([np.zeros(3), end])))
+            solids.append(_cylinder(k, np.zeros(3), end, ROD * size, colour_of(k)))
+            if (k, tuple(end)) not in carried:
+                solids.append(Shape(k, pin.SE3(np.eye(3), end), "sphere", (POINT * size,), colour_of(k)))
+                tips += [] if (k, tuple(end)) in ends else [BodyPoint(k, end)]
+    compact = {k for k in carrying if not len(reached[k])}
+    for k, outlines, solid in _compact(mechanism, nodes, compact, size):
+        compact.add(k)
+        lines += [Stick(k, line, THIN) for line in outlines]
+        solids.append(solid)
+    solids = [solid for solid in solids if solid.node in bare]
+    joints = [k for k in carrying if not nodes[k].parent or nodes[nodes[k].parent].carries]
+    pins = [k for k in joints if nodes[k].kind == "turn"]
+    slides = {k: _rail(nodes[k], BEYOND * size) for k in joints if nodes[k].kind == "slide"}
+    for k in joints:
+        if bare & {k, nodes[k].parent or k}:
+            solids += _joint_solids(k, nodes[k], slides.get(k), size)
+    fixed = {k: np.asarray(nodes[k].placement.translation) for k in pins if not nodes[k].parent}
+    standing = {tuple(place.tolist()) for k, place in fixed.items() if k not in compact and 0 in bare}
+    solids += [_foot(upwards(model), np.array(place), size) for place in sorted(standing)]
+    mounts = [end.place for pair in joined if pair.kind != "slot" for end in pair.ends if not end.node]
+    return StickFigure(size, link, lines, solids, pins, slides, [*fixed.values(), *mounts], tips, joined)
+
+
+def _joint_solids(k: int, node: Node, rail: Stick | None, size: float) -> Iterator[Shape]:
+    """Yield the sign of a joint: a pin along a revolute axis, a block on a rail for a slide, a ball for others."""
+    radius = PIN * size
+    if node.kind == "turn":
+        yield Shape(k, _along(np.zeros(3), node.axis), "cylinder", (radius, 3.2 * radius), DARK)
+    elif rail is not None:
+        yield Shape(k, _along(np.zeros(3), node.axis), "box", (2.4 * radius, 2.4 * radius, 4.0 * radius), DARK)
+        yield _cylinder(node.parent, rail.points[0], rail.points[1], 0.5 * ROD * size, GROUND)
+    elif node.placement.translation.any():
+        yield Shape(k, pin.SE3.Identity(), "sphere", (radius,), DARK)
+
+
+def _foot(up: Array, at: Array, size: float) -> Shape:
+    width, height = (edge * size for edge in FOOT)
+    return Shape(0, _along(at - (PIN * size + height / 2.0) * up, up), "box", (width, width, height), GROUND)
+
+
+def _compact(
+    mechanism: Mechanism, nodes: Sequence[Node], nowhere: Iterable[int], size: float
+) -> Iterator[tuple[int, list[Array], Shape]]:
+    """Yield cams and rollers, and wheels and boxes of the bodies that reach nowhere: body, outlines, solid."""
+    wheels, cams = dict(_wheels(mechanism)), list(_cams(mechanism, nodes))
+    yield from (_disc(*cam) for cam in cams)
+    for k in sorted({*nowhere} - {body for body, *_ in cams}):
+        inertia, axis = mechanism.model.inertias[k], nodes[k].axis
+        radius = wheels.get(k) or min(_disc_radius(inertia, axis), BOX * size)
+        if nodes[k].kind == "turn" and radius:
             across = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
             across /= np.linalg.norm(across)
             rim = radius * (np.outer(RIM.real, across) + np.outer(RIM.imag, np.cross(axis, across)))
-            discs.append(Disc(node, np.zeros(3), rim, axis))
+            yield _disc(k, np.zeros(3), rim, axis)
         elif inertia.mass > 0.0:
-            boxes.append(_box(inertia, node, size))
-    return StickFigure(nodes, size, rods, discs, boxes, joined)
+            box = _box(inertia, k, size)
+            edges = [[a, a | bit] for a in range(8) for bit in (1, 2, 4) if not a & bit]
+            yield k, [box.extent()[edge] for edge in edges], box
+
+
+def _disc(k: int, middle: Array, outline: Array, axis: Array) -> tuple[int, list[Array], Shape]:
+    """Return the outline and a spoke of a disc, and the disc as a plate, its two faces as fans about the axis.
+
+    Args:
+        k: The body.
+        middle: Point of the axis in the plane of the outline, in the body [m], shape (3,).
+        outline: Points of the outline in the body [m], shape (n, 3).
+        axis: Unit vector of the axis in the body, shape (3,).
+    """
+    n, half = len(outline), 0.5 * THICK * float(np.ptp(outline, axis=0).max()) * axis
+    a, above, below = np.arange(n), np.full(n, 2 * n), np.full(n, 2 * n + 1)
+    b = (a + 1) % n
+    corners = [(above, a, b), (below, b + n, a + n), (a, a + n, b + n), (a, b + n, b)]
+    triangles = np.concatenate([np.stack(triangle, axis=1) for triangle in corners])
+    mesh = Mesh(np.concatenate([outline + half, outline - half, [middle + half, middle - half]]), triangles)
+    plate = Shape(k, pin.SE3.Identity(), "mesh", (1.0, 1.0, 1.0), colour_of(k), mesh)
+    return k, [outline, np.array([middle, outline[0]])], plate
 
 
 def reaches(model: pin.Model, nodes: Sequence[Node]) -> list[Array]:
@@ -260,16 +229,18 @@ def reaches(model: pin.Model, nodes: Sequence[Node]) -> list[Array]:
     return [np.array(places).reshape(-1, 3) for places in corners]
 
 
-def _size(model: pin.Model, ends: Sequence[Array]) -> float:
-    """Return the sum of the links, or ``LINKS`` typical ones; of bodies that reach nowhere draw all boxes whole."""
-    if lengths := sorted(float(np.linalg.norm(end)) for end in ends):
-        return min(sum(lengths), LINKS * lengths[len(lengths) // 2])
-    return max([float(_cuboid(inertia)[0].max()) for inertia in model.inertias if inertia.mass > 0.0] or [BOX]) / BOX
+def _largest_box(model: pin.Model) -> float:
+    return max([float(_cuboid(inertia)[0].max()) for inertia in model.inertias if inertia.mass > 0.0] or [BOX])
 
 
-def _cams(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Disc]:
+def _cams(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[tuple[int, Array, Array, Array]]:
     """Yield the cams whose contact is known, and their rollers, where the joints of both are on one carrier."""
     from pinarm.mechanics.couplings.cam import CamCoupling
+
+    def placed_on(body: int, middle: Array, outline: Array) -> tuple[int, Array, Array, Array]:
+        joint = nodes[body].placement  # they are given in the carrier, where the joint is at 0
+        inside, turned = ((points - joint.translation) @ joint.rotation for points in (middle, outline))
+        return body, inside, turned, np.asarray(axis @ joint.rotation)
 
     for cam in mechanism.constraints:
         if not (isinstance(cam, CamCoupling) and cam.contact):
@@ -277,18 +248,10 @@ def _cams(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Disc]:
         plane, follower, axis = cam.contact, cam.contact.follower, cam.contact.axes[2]
         if any(nodes[body].parent != plane.carrier for body in (plane.first, plane.second)):
             continue
-        yield _placed(nodes, plane.first, plane.origin, plane.shape, axis)
+        yield placed_on(plane.first, plane.origin, plane.shape)
         if follower.face is None:
             middle = plane.origin + plane.vectors(np.full(1, follower.start))[0]
-            rim = middle + plane.vectors(follower.radius * RIM)
-            yield _placed(nodes, plane.second, middle, rim, axis)
-
-
-def _placed(nodes: Sequence[Node], body: int, middle: Array, outline: Array, axis: Array) -> Disc:
-    """Return a disc that is given in the body's carrier, where the joint is at 0."""
-    joint = nodes[body].placement
-    inside, turned = ((points - joint.translation) @ joint.rotation for points in (middle, outline))
-    return Disc(body, inside, turned, np.asarray(axis @ joint.rotation))
+            yield placed_on(plane.second, middle, middle + plane.vectors(follower.radius * RIM))
 
 
 def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
@@ -426,8 +389,12 @@ def framing(
         places: Placements of the bodies at rows of the motion, shape (rows, njoints, 4, 4).
         paths: Further points to be seen: positions in the world, each of shape (rows, 3).
     """
-    still = [shape.extent() for shape in shapes if shape.node == 0]
-    everything = np.concatenate([*still, _moving(nodes, shapes, places, paths)])
+    carrying = [node for node in range(1, len(nodes)) if nodes[node].carries]
+    points = [places[:, carrying, :3, 3], *paths]
+    for shape in shapes:
+        place = places[:, shape.node] if shape.node else places[:1, 0]
+        points.append(shape.extent() @ place[:, :3, :3].swapaxes(1, 2) + place[:, None, :3, 3])
+    everything = np.concatenate([part.reshape(-1, 3) for part in points])
     low, high = everything.min(axis=0), everything.max(axis=0)
     up, normal = upwards(model), _normal(nodes, places)
     if normal is not None:
@@ -443,25 +410,13 @@ def upwards(model: pin.Model) -> Array:
     return -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
 
 
-def _moving(nodes: Sequence[Node], shapes: Sequence[Shape], places: Array, paths: Sequence[Array]) -> Array:
-    """Return the corners of the moving solids at every row, in the world, shape (k, 3)."""
-    carrying = [node for node in range(1, len(nodes)) if nodes[node].carries]
-    points = [places[:, carrying, :3, 3].reshape(-1, 3), *paths]
-    for node in carrying:
-        corners = [shape.extent() for shape in shapes if shape.node == node]
-        if corners:
-            outer = np.concatenate(corners) @ places[:, node, :3, :3].swapaxes(1, 2) + places[:, node, None, :3, 3]
-            points.append(outer.reshape(-1, 3))
-    return np.asarray(np.concatenate(points))
-
-
 def _outline(points: Array) -> Array:
     """Return the points that reach farthest along directions spread evenly over the sphere."""
     k = np.arange(DIRECTIONS) + 0.5
     z, turn = 1.0 - 2.0 * k / DIRECTIONS, GOLDEN * k
     radius = np.sqrt(1.0 - z * z)
-    directions = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
-    return np.asarray(points[sorted({int((points @ direction).argmax()) for direction in directions})])
+    directions = np.stack([radius * np.cos(turn), radius * np.sin(turn), z])
+    return np.asarray(points[distinct((points @ directions).argmax(axis=0))])
 
 
 def _normal(nodes: Sequence[Node], places: Array) -> Array | None:
@@ -575,8 +530,8 @@ def scene(
     model = mechanism.model
     drawn = visuals or Visuals((), frozenset(range(model.njoints)))
     nodes, places, joined = nodes_of(model, q), placed(model, q), connections(mechanism, forces)
-    figure = stick_figure(mechanism, nodes, joined)
-    shapes = [*drawn.shapes, *figure.solids(upwards(model), drawn.bare)]
+    figure = stick_figure(mechanism, nodes, joined, drawn.bare)
+    shapes = [*drawn.shapes, *figure.solids]
     points = [*(end for pair in joined for end in pair.ends), *further]
     seen = framing(model, nodes, shapes, places, [point.path(places) for point in points])
     return Scene(nodes, places, figure, shapes, seen, slots(mechanism, seen.normal, seen.size, places))

@@ -1,13 +1,12 @@
-"""Texts of results: summaries and tables for the terminal, and HTML for notebooks and reports.
+"""Texts of results: summaries and tables for the terminal, and HTML for reports and notebooks.
 
-In HTML pictures are data and a replay is a whole page in a frame, so a saved notebook shows them offline. The types
-that a notebook shows put their blocks together from these in ``_repr_html_``. Texts are never markup.
+A notebook shows reports, replays in a frame, and what else a terminal prints: a saved one shows them offline. Texts are
+never markup.
 """
 
 from __future__ import annotations
 
 import re
-from base64 import b64encode
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from math import isfinite, isnan
 from typing import TYPE_CHECKING
@@ -32,7 +31,6 @@ from pinarm.use.result.measures import (
 )
 
 if TYPE_CHECKING:
-    from pinarm.use.result.presentation import Presentation
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import Section, SectionTable
     from pinarm.use.show.picture import Picture
@@ -243,49 +241,14 @@ def escaped(words: str) -> str:
     return words.translate(MARKS)
 
 
-def blocks(*parts: str) -> str:
-    """Return blocks of HTML below each other."""
-    return f"<div>{''.join(f'<div>{part}</div>' for part in parts)}</div>"
+def lines(words: str) -> str:
+    """Return a text that a terminal prints, with its lines and columns."""
+    return f'<pre style="background:none">{escaped(words)}</pre>'
 
 
-def heading(words: str) -> str:
-    """Return a line in bold."""
-    return f'<div style="font-weight:600;margin:.4em 0">{escaped(words)}</div>'
-
-
-def table(rows: Sequence[Sequence[str]]) -> str:
-    """Return a table whose first row is its heading, names and units to the left, numbers to the right."""
-
-    def line(name: str, row: Sequence[str]) -> str:
-        sides = ["left", "left", *["right"] * (len(row) - 2)]
-        cells = zip(sides, map(escaped, row), strict=True)
-        return tag("tr", "".join(f'<{name} style="text-align:{side}">{cell}</{name}>' for side, cell in cells))
-
-    body = tag("tbody", "".join(line("td", row) for row in rows[1:]))
-    return tag("table", tag("thead", line("th", rows[0])) + body)
-
-
-def lines(texts: Sequence[str]) -> str:
-    """Return lines of text, as they stand."""
-    style = "font-size:90%;opacity:.8;white-space:pre-wrap;background:none;padding:0;margin:.6em 0"
-    return f'<pre style="{style}">{escaped(chr(10).join(texts))}</pre>'
-
-
-def picture(figure: Picture) -> str:
-    """Return a figure as an image that carries its own data."""
-    data, size = figure._repr_png_()
-    style = f"flex:0 1 {size['width']}px;min-width:0;max-width:min(100%, {size['width']}px)"
-    return f'<img alt="plots" style="{style}" src="data:image/png;base64,{b64encode(data).decode()}">'
-
-
-def side_by_side(*parts: str) -> str:
-    """Return blocks beside each other, smaller where there is no room."""
-    return f'<div style="display:flex;align-items:flex-start">{"".join(parts)}</div>'
-
-
-def folded(summary: str, part: str) -> str:
-    """Return a block that a click on its summary opens."""
-    return tag("details", tag("summary", escaped(summary)) + part)
+def figure(drawn: Picture, kind: str = "") -> str:
+    """Return a picture as a figure of the page."""
+    return tag("figure", drawn.svg(), kind)
 
 
 def frame(page: str, *, height: int) -> str:
@@ -294,18 +257,12 @@ def frame(page: str, *, height: int) -> str:
     return f'<iframe loading="lazy" srcdoc="{escaped(page)}" style="{style}"></iframe>'
 
 
-def section_html(section: Section, how: Presentation) -> str:
-    """Return the first table, remarks, other tables folded, and graphs; long tables by their first rows."""
+def section_html(section: Section) -> str:
+    """Return a section as text, and its graphs."""
     from pinarm.use.show.picture import graph
 
-    first = [_table(section, shown) for shown in section.tables[:1]]
-    others = [folded(shown.title, _table(section, shown)) for shown in section.tables[1:]]
-    pictures = [picture(graph(drawn, how)) for drawn in section.graphs]
-    return blocks(heading(section.title), *first, lines(section.remarks), *others, *pictures)
-
-
-def _table(section: Section, shown: SectionTable) -> str:
-    return table(table_rows(shown)) + lines(further_rows(section, shown))
+    words = lines("\n".join(section_lines(section)))
+    return "".join([words, *(figure(graph(drawn)) for drawn in section.graphs)])
 
 
 class ReportTable(ValueRecord, frozen=True):

@@ -116,9 +116,9 @@ class Explanation:
         return path
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show.text import blocks, lines, picture
+        from pinarm.use.show.text import figure, lines
 
-        return blocks(picture(self.sketch()), lines(str(self).split("\n")))
+        return figure(self.sketch()) + lines(str(self))
 
     def _joints(self) -> list[str]:
         model = self.mechanism.model

@@ -172,16 +172,9 @@ class Tradeoff:
         return {**drawn, "variants": outputs(self)} if self.variants else drawn
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show.text import blocks, folded, heading, lines, picture, table
+        from pinarm.use.show.text import figure, lines
 
-        drawn = {name: picture(figure) for name, figure in self.plots().items()}
-        parts = [heading(self.scenario.content.title or self.scenario.name)]
-        if self.reference:
-            parts += [lines(advice(self, self.reference)), drawn["settings"]]
-            parts.append(folded("all settings", table(settings(self, self.reference))))
-        if self.variants:
-            parts += [table(variant_rows(self)), lines(remarks(self)), drawn["variants"]]
-        return blocks(*parts)
+        return "".join([lines(report(self)), *map(figure, self.plots().values())])
 
 
 def tradeoff(scenario: Given, values: Values | None = None) -> Tradeoff:

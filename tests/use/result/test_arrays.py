@@ -35,13 +35,11 @@ def test_arrays_come_back_from_folders_and_processes(scenario: Callable[..., Any
         assert all(same(again.arrays[name], table) for name, table in result.arrays.items())
     with np.load(folder / "out" / "trajectory.npz") as stored:
         assert np.array_equal(stored["state.array.0.values"], SHAPES.values, equal_nan=True)
-    assert "1+2j" in result._repr_html_() and "mode 2" in result._repr_html_()
 
 
 def test_entries_have_names_and_units() -> None:
     assert SHAPES.entry("pivot", "mode 1") == 1.0 + 2.0j
     assert (str(SHAPES.unit(1, 0)), SHAPES.unit(0, 1)) == ("m", None)
     assert STIFFNESS.unit(0, 0).dimension == unit("N*m/rad").dimension  # type: ignore[union-attr]
-    assert SHAPES.cells()[1] == ["pivot", "rad", "1+2j", ""]
     with pytest.raises(InputError, match="no 'mode 3'"):
         SHAPES.entry("pivot", "mode 3")

@@ -25,11 +25,11 @@ def test_a_disc_without_a_shape_is_the_same_wheel_in_drawing_and_replay(tmp_path
     )
     mechanism = pinarm.Mechanism.load(tmp_path / "wheel.urdf")
     nodes = nodes_of(mechanism.model, np.zeros((1, 1)))
-    figure = stick_figure(mechanism, nodes, [])
+    figure = stick_figure(mechanism, nodes, [], frozenset({1}))
     [rim, spoke] = figure.lines
     assert np.linalg.norm(rim.points, axis=1) == pytest.approx(np.full(len(rim.points), 0.3))
     assert np.linalg.norm(spoke.points, axis=1) == pytest.approx([0.0, 0.3])
-    [wheel] = [shape for shape in figure.solids(np.zeros(3), frozenset({1})) if shape.kind == "mesh"]
+    [wheel] = [shape for shape in figure.solids if shape.kind == "mesh"]
     assert wheel.mesh is not None
     assert np.linalg.norm(wheel.mesh.vertices[:-2, :2], axis=1) == pytest.approx(np.full(2 * len(rim.points), 0.3))
 

@@ -233,8 +233,7 @@ def _bodies(shown: Scene, packing: Packing) -> Plain:
         mesh = {"mesh": places[id(shape.mesh)]} if shape.mesh is not None else {}
         look = {"kind": shape.kind, "size": list(shape.size), "colour": list(shape.colour)}
         shapes.append({"node": shape.node, "place": _place(shape.placement), **look, **mesh})
-    links = [length for node in shown.nodes if (length := float(np.linalg.norm(node.placement.translation))) > 0.0]
-    detail = min(seen.size, LINKS * float(np.median(links))) if links else seen.size
+    detail = min(seen.size, LINKS * (shown.figure.link or seen.size))
     """Length [m] that marks are relative to: the extent, or less with many small links."""
     return {
         "nodes": nodes,

@@ -98,9 +98,9 @@ class Findings(tuple[Finding, ...]):
         return f"<Findings: {len(self)} expectations, {sum(not finding.ok for finding in self)} missed>"
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show.text import blocks, lines, table
+        from pinarm.use.show.text import lines
 
-        return blocks(table([list(HEADING), *rows(self)]), lines(remarks(self)))
+        return lines(verdicts(self))
 
 
 def check(scenario: Given, values: Values | None = None, *, result: Result | None = None) -> Findings:

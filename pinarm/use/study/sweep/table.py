@@ -222,10 +222,10 @@ class Sweep:
         pyarrow.parquet.write_table(pyarrow.table({"case": range(len(self)), **columns, "error": errors}), file)
 
     def _repr_html_(self) -> str:
-        """Return statistics and a plot, for notebooks."""
-        from pinarm.use.show.text import blocks, heading, lines, picture, table
+        """Return the report, for notebooks."""
+        import pinarm
 
-        return blocks(heading(self.title or self.name), table(ranges(self)), lines(remarks(self)), picture(self.plot()))
+        return pinarm.report(self)._repr_html_()
 
 
 def require_parquet() -> None:
