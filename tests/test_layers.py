@@ -27,7 +27,8 @@ FLOOR_PLAN = {
     "forces couplings loading friction points perturbation planar_drawing description",
     "engine": "series labelled_array kernel integration constraints dynamics mesh_inertias "
     "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_loading",
-    "problems": "time_grid accuracy values laws loads drives control events equilibria inverse linear recorded forward",
+    "problems": "time_grid accuracy values laws loads drives control simplification events "
+    "equilibria inverse linear recorded forward",
     "use": "progress result workers cases assessments accuracy output show store method mechanism facade "
     "scenario start letters study report",
     "cli": "options commands main",

@@ -84,11 +84,11 @@ class Problem(Protocol):
         ...
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Any:
-        """Check all names and units against the mechanism; return what ``solve`` begins with."""
+        """Check all names and units against the mechanism; return what ``solve`` begins with, the same in every run."""
         ...
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
-        """Return the answer."""
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Any = None) -> Outcome:
+        """Return the answer; ``prepared`` is what ``prepare`` has returned for the same arguments, if it was called."""
         ...
 
 

@@ -114,7 +114,9 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         grid = Grid.cover(np.zeros(1), [])
         return balance, [start_near(mechanism, start, driven.held, grid) for start in self.starts]
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> Outcome:
         """Return the equilibria, one a row in the order in which they are found.
 
         Each row has beside its quantities ``equilibrium.starts``, how many starts led to it,
@@ -124,7 +126,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         ``equilibrium.end_2.J`` are the coordinates of a joint J at the two ends of the band of positions that friction
         holds, in the sense in which the joint that moves most goes down and up.
         """
-        balance, starts = self.prepare(mechanism, accuracy, place)
+        balance, starts = prepared or self.prepare(mechanism, accuracy, place)
         equilibria: list[Equilibrium] = []
         failed: dict[int, AssemblyError] = {}
         notes: list[str] = []

@@ -39,7 +39,7 @@ from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Deferred, InputStruct, Level, Rate
 from pinarm.mechanics.ball_joints import coordinate_name, indices_of
 from pinarm.mechanics.ball_joints import velocity as velocity_of
-from pinarm.mechanics.laws import Constant, Motion
+from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
@@ -161,8 +161,10 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         duration = self.time.end - self.time.start
         return bind_controls(mechanism, self.control, dynamics, motion, duration, place)
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
-        hybrid = self.prepare(mechanism, accuracy, place)
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: HybridSystem | None = None
+    ) -> Outcome:
+        hybrid = prepared or self.prepare(mechanism, accuracy, place)
         with place("initial"):
             q, v = hybrid.start
         mechanism = self._losing(mechanism)
@@ -182,8 +184,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
         integrated = IntegratedMotion(mechanism, hybrid, motion)
         whole = integrated.outcome(grid)
-        still = all(isinstance(law, Constant) for law in self.motion.values())  # laws that do no work
-        accounts = EnergyAccount.each(motion) if still else []
+        accounts = [] if self.motion else EnergyAccount.each(motion)
         remarks = [
             *_changed(mechanism, hybrid.initial.given_rates(), v),
             *motion.remarks(),

@@ -103,8 +103,10 @@ class Inverse(OverTime, InputStruct, frozen=True, tag_field="kind", tag="inverse
     def _acting(self, mechanism: Mechanism, place: Place) -> Actuation:
         return drives_of(mechanism, self.drives, [*self.motion], self.share, place)
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
-        table = self.prepare(mechanism, accuracy, place)
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
+    ) -> Outcome:
+        table = prepared or self.prepare(mechanism, accuracy, place)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
             outcome = table.outcome()
         omitted = omitted_drives_remarks(mechanism, self.drives, [*self.motion])
@@ -137,8 +139,10 @@ class KinematicMotion(OverTime, InputStruct, frozen=True, tag_field="kind", tag=
         q = generic_near(mechanism, self.start)
         return replace(Trajectory.schema_row(mechanism, q, "t", unit("s")), no_efforts=KINEMATIC)
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
-        table = self.prepare(mechanism, accuracy, place)
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
+    ) -> Outcome:
+        table = prepared or self.prepare(mechanism, accuracy, place)
         with place("motion"):
             return table.outcome()
 
@@ -231,8 +235,10 @@ class StateByState:
         held = {name: Constant(value=value) for name, value in self.hold.items()}
         return {**{swept: ConstantSpeed(speed=1.0) for swept in self.over}, **held}
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
-        table = self.prepare(mechanism, accuracy, place)
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
+    ) -> Outcome:
+        table = prepared or self.prepare(mechanism, accuracy, place)
         with place(), locating_drives(place):
             outcome = table.outcome()
         remarks = omitted_drives_remarks(mechanism, self.drives, self._prescribed)

@@ -201,8 +201,10 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
                     )
         return inputs
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
-        begun = self.prepare(mechanism, accuracy, place)
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> Outcome:
+        begun = prepared or self.prepare(mechanism, accuracy, place)
         with place("about"):
             near, linear = self._about(mechanism, begun)
         tables = linear.tables() | participations(linear) | self._response(place, begun, linear)

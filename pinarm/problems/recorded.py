@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -111,8 +112,11 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         forces = bind_loads(mechanism, self.loads, place)
         return Recording(mechanism, drives, Dynamics.of(mechanism.model, forces)), rows, unread
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
-        recording, rows, unread = self.prepare(mechanism, accuracy, place)
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> Outcome:
+        recording, rows, unread = prepared or self.prepare(mechanism, accuracy, place)
+        rows = deepcopy(rows)  # what is prepared serves further runs
         with place("file" if self.file else "columns"):
             outcome = recording.splined(rows) if self.derivatives == "spline" else recording.outcome(rows)
         notes = (f"columns that are not read: {', '.join(unread)}",) if unread else ()

@@ -33,13 +33,13 @@ if TYPE_CHECKING:
 class Result(results.Result, frozen=True):
     """The answer to a scenario: quantities by name, numbers, sections, figures of accuracy, plots, replays, files.
 
-    Its fields, such as ``scenario``, ``figures``, ``errors``, and ``setting``, are those of
+    Its fields, such as ``scenario``, ``figures``, ``errors``, ``setting`` and ``removals``, are those of
     ``use.result.result.Result``.
     """
 
     __dir__ = public_face(
         "arrays", "columns", "error", "errors", "events", "excesses", "figures", "kind", "linearise", "name", "notes",
-        "number", "numbers", "outcome", "parameter", "quantities", "scenario", "section", "sections",
+        "number", "numbers", "outcome", "parameter", "quantities", "removals", "scenario", "section", "sections",
         "setting", "summary", "to_dataframe", "trajectory",
     )  # fmt: skip
 

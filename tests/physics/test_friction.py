@@ -570,6 +570,15 @@ def test_friction_of_a_thread_loads_its_bearings(write):
     assert result.figures["bodies"] < 1e-13
 
 
+@pytest.mark.parametrize(("friction", "left_out"), [("", 1), ("friction: {slip: {mu: 0.3}}\n", 0)])
+def test_nothing_is_left_out_where_friction_may_stick(write, friction, left_out):
+    problem = """{kind: forward, time: {end: 1 s, samples: 3}, initial: {velocity: {belt: 0.1 m/s}},
+  motion: {slip: {law: constant, value: 0 m}}}"""
+    result = pinarm.run(write(BELT, friction, problem, "joint.belt.velocity"))
+    assert len(result.removals) == left_out
+    assert result["joint.belt.velocity"].values == pytest.approx(0.1, rel=1e-12)
+
+
 def test_a_block_at_rest_on_its_belt_has_the_band_of_efforts_that_holds_it(write):
     problem = """{kind: inverse, time: {end: 1 s, samples: 3}, motion: {
   belt: {law: constant_speed, speed: 0.1 m/s}, slip: {law: constant, value: 0 m}}}"""

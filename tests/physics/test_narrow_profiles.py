@@ -18,7 +18,7 @@ JOINT = ('<link name="{0}_link">' + BODY + '</link><joint name="{0}" type="{1}">
 WHEELS = JOINT.format("wheel", "continuous", "base") + JOINT.format("other", "continuous", "base")
 OTHERS = {"none": {}, "held": {"other": {"law": "constant", "value": "0.3 rad"}},
           "turning": {"other": {"law": "constant_speed", "speed": "2 rad/s"}}}  # fmt: skip
-"""Motions of a wheel that has nothing to do with it."""
+"""Motions of a wheel that has nothing to do with it; where it is held, it is not solved for."""
 
 
 def short(place, width, height):

@@ -42,6 +42,24 @@ class SolvedMotion:
         return np.empty(0)
 
 
+class RelayedMotion(SolvedMotion):
+    """A motion whose steps, knots and jumps are those of another one."""
+
+    @property
+    def relayed(self) -> SolvedMotion:
+        """The other motion."""
+        raise NotImplementedError
+
+    def steps(self) -> Array:
+        return self.relayed.steps()
+
+    def knots(self) -> Array:
+        return self.relayed.knots()
+
+    def jumps(self) -> Array:
+        return self.relayed.jumps()
+
+
 class Decision(ValueRecord, frozen=True):
     """Whether something happens in a motion: an event, contact with a stop, friction that holds, a switch.
 

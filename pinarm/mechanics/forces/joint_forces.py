@@ -47,6 +47,13 @@ class SpringDamper(AbstractRecord, ForceElement, frozen=True):
         rest = np.divide(pull, stiffness, out=np.zeros(len(kept)), where=stiffness > 0.0)
         return cls(places[kept], kept, stiffness, damping, rest)
 
+    def within(self, kept_q: Indices, kept_v: Indices) -> SpringDamper:
+        """Return the springs and dampers at the joints of a part of the mechanism; the energy of others is left out."""
+        mine = np.isin(self.v, kept_v)
+        numbers = (numbers[mine] for numbers in (self.stiffness, self.damping, self.rest))
+        places = np.searchsorted(kept_q, self.q[mine]), np.searchsorted(kept_v, self.v[mine])
+        return SpringDamper(*places, *numbers)
+
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         load = self.stiffness * (q[..., self.q] - self.rest)
         if self._damped:

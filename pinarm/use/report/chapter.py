@@ -125,6 +125,8 @@ def chapter_on(
     own, torsors = _names(result), _joint_torsors(result)
     links = figure(link_graph(mechanism)) if 1 < mechanism.model.njoints <= MOST_BODIES else ""
     tables, along = mechanism_tables(mechanism, result.presentation), result.trajectory.parameter
+    left_out = ReportTable([said("Joint"), said("how"), said("why")],
+                           [(x.joint, told(x.how), told(x.why)) for x in result.removals], range(3))  # fmt: skip
     parts = [
         sentences([*_warnings(result), *missed, *limits], "box warnings"),
         sentences(_merits(result, verdicts, missed), "box merits"),
@@ -138,7 +140,7 @@ def chapter_on(
         part("Free-body diagrams", *(figure(free_body_diagrams(result, at, titled=False)) for at in worst.values())),
         part("Comparison with independent and published values", verdicts),
         part("Accuracy", sentences(error_lines(result)), sentences(accuracy_lines(result.figures, along))),
-        part("What was left out, and notes", sentences([*counted(result.notes()), *unshown])),
+        part("What was left out, and notes", left_out, sentences([*counted(result.notes()), *unshown])),
         appendix(
             part("Mechanism in numbers", links, *tables),
             *(part(x.title, *(_section_table(y, x.key, own, FEW_ROWS) for y in x.tables[1:])) for x in sections),

@@ -25,6 +25,7 @@ from pinarm.errors import DynamicsError, InputError, PinarmError, choices
 from pinarm.input.yaml.schema import plain, quantity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
+from pinarm.problems.simplification import Removal
 from pinarm.records import Record
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED, unexplained_notes
 from pinarm.use.result.presentation import FOR_PEOPLE
@@ -58,6 +59,7 @@ class Result(Record, frozen=True):
         number_errors: Bounds of the errors of its numbers [SI], those of sections among them, by name; likewise.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         no_bound: Why errors have no bound, and are infinite; empty where all have one, or none was asked for.
+        removals: Joints of the mechanism that were not solved for.
         known: Sections that are there already, by key: what the search for the values of the scenario tells, and what
             was read from a folder.
         source: The scenario file that it came of, where it was read from a folder.
@@ -72,6 +74,7 @@ class Result(Record, frozen=True):
     number_errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     no_bound: str = ""
+    removals: Sequence[Removal] = ()
     known: Mapping[str, Section] = field(default_factory=dict)
     source: Path | None = None
 
@@ -385,6 +388,7 @@ class Result(Record, frozen=True):
                 {**asdict(excess), "unit": str(excess.unit), "sentence": excess.words(run)}
                 for excess in self.excesses()
             ],
+            "not solved for": [asdict(removal) for removal in self.removals],
             "notes": self.notes(),
             "versions": {
                 "pinarm": import_module("pinarm").__version__,
@@ -475,5 +479,5 @@ class Result(Record, frozen=True):
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-MEASURED = ("name", "figures", "errors", "number_errors", "setting", "no_bound", "known")
+MEASURED = ("name", "figures", "errors", "number_errors", "setting", "no_bound", "removals", "known")
 """Fields that do not follow from the rows."""

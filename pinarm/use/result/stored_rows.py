@@ -15,7 +15,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.labelled_array import labelled_arrays, plain_arrays
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.outcome import Outcome, SolvedMotion
+from pinarm.engine.motion.outcome import Outcome, RelayedMotion, SolvedMotion
 from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.errors import InputError
@@ -150,7 +150,7 @@ def _events(arrays: Mapping[str, Array], model: pin.Model) -> tuple[EventRecord,
     )
 
 
-class SolvedAnew(SolvedMotion, Record, frozen=True):
+class SolvedAnew(RelayedMotion, Record, frozen=True):
     """The motion of a result that was read: solved when other instants than the saved ones are asked for.
 
     Attributes:
@@ -198,11 +198,6 @@ class SolvedAnew(SolvedMotion, Record, frozen=True):
     def positions(self, t: Array) -> Array:
         return self._motion.positions(t)
 
-    def steps(self) -> Array:
-        return self._motion.steps()
-
-    def knots(self) -> Array:
-        return self._motion.knots()
-
-    def jumps(self) -> Array:
-        return self._motion.jumps()
+    @property
+    def relayed(self) -> SolvedMotion:
+        return self._motion

@@ -33,6 +33,7 @@ from pinarm.input.yaml.schema import Measured
 from pinarm.mechanics.geometry.kinematics import one_run
 from pinarm.mechanics.perturbation import perturbed_numbers
 from pinarm.problems import KINDS, Problem
+from pinarm.problems.simplification import Simplification
 from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, public_face, replace
 from pinarm.use.facade import Result
@@ -300,6 +301,14 @@ class Scenario(Record, frozen=True):
         given = {key: getattr(self.problem, key) for key in PERTURBED if hasattr(self.problem, key)}
         return cast("Problem", replace_fields(cast("Any", self.problem), **perturbed_numbers(given, generator)))
 
+    @cached_property
+    def simplification(self) -> Simplification:
+        """Simplification of the problem to the part of the mechanism that it requires."""
+        self.require_memory()
+        if self.content.modelled == "whole":
+            return Simplification.whole(self._question, self.mechanism, self.content.accuracy, self.place)
+        return Simplification.required(self._question, self.mechanism, self.content.accuracy, self.place)
+
     def controlled(
         self, control: Mapping[str | tuple[str, ...], ControlFunction], period: float | None = None, delay: float = 0.0
     ) -> Self:
@@ -466,36 +475,37 @@ class Scenario(Record, frozen=True):
 
     def solve_once(self) -> Result:
         """Solve the problem once, without a search; measure the accuracy, and refuse what is not finite."""
-        self.require_memory()
         with one_run(), one_blas_thread(self.mechanism.model.nv):
             try:
-                solved = self._question.solve(self.mechanism, self.content.accuracy, self.place)
+                solved = self.simplification.solve()
             except MethodError as error:
                 raise error.at(self.document.locate(("accuracy", "method"))) from None
-            return self._measured(solved)
+            return self.measured(*solved)
 
-    def _measured(self, solved: Outcome) -> Result:
-        """Return the result with its accuracy."""
-        self._require_turns(solved)
+    def measured(self, solved: Outcome, whole: Outcome) -> Result:
+        """Return the result with its accuracy, from the outcomes of the mechanism that was solved and of the whole."""
+        self._require_turns(whole)
         known = plain(solved.figures)
         if solved.rows.mechanism.frictions:
             from pinarm.engine.quantities.friction_law import friction_figures
 
             known |= friction_figures(solved.rows)
-        notes = *solved.notes, *unclosed(solved.rows), *self.method_notes(self.content.accuracy)
-        result = self.result(replace(solved, notes=notes))
+        removals = self.simplification.removals if solved is not whole else ()
+        noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows), *self.method_notes(self.content.accuracy)))
+        result = self.result(noted)
         self.document.with_each("outputs", self.content.outputs, result.require_finite)
-        if is_too_large(solved):
-            raise overflow(solved)
-        return replace(result, figures=Figures(known, partial(self._accuracy, solved, result.quantities)))
+        if is_too_large(whole):
+            raise overflow(whole)
+        measure = partial(self._accuracy, solved, whole, result.quantities)
+        return replace(result, figures=Figures(known, measure), removals=removals)
 
-    def _accuracy(self, solved: Outcome, quantities: Quantities) -> dict[str, float]:
+    def _accuracy(self, solved: Outcome, whole: Outcome, quantities: Quantities) -> dict[str, float]:
         with failures_in_words(), one_run(), one_blas_thread(self.mechanism.model.nv):
             balances = {**power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
             balances |= solved.measures()
             measures = plain({**balances, **quantities.figures()})
         if not all(math.isfinite(measure) for measure in measures.values()):
-            raise overflow(solved)
+            raise overflow(whole)
         return measures
 
     def _require_turns(self, outcome: Outcome) -> None:

@@ -115,7 +115,8 @@ class ScenarioFile(InputStruct, frozen=True):
         response: Overshoot, rise and settling time of a step response, such as ``{of: theta, final: 30 deg}``.
         sensitivity: What numbers of the run depend on, and bands from tolerances, such as ``{of: [C_B @ max], to:
             {arguments.m_A: 5 %}}``.
-        modelled: Has no effect: the whole mechanism is always solved. Files of earlier versions have it.
+        modelled: ``required``, what the question requires: joints that it holds still are locked; or the ``whole``
+            mechanism. The answer is the same.
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
             the least multipliers (``minimum_norm``), marked as such.
         accuracy: How accurate the answer is wanted.

@@ -17,6 +17,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import printable
 from pinarm.input.units import Unit, printed
 from pinarm.language import decimals, said, told, writing
+from pinarm.problems.simplification import removal_lines
 from pinarm.records import ValueRecord
 from pinarm.use.result.measures import (
     CLOSURES,
@@ -145,6 +146,7 @@ def remarks(result: Result) -> list[str]:
         f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
         for name, payload in run.mechanism.payloads.items()
     ]
+    lines += removal_lines(result.removals)
     lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
     lines += [f"note: {note}" for note in counted(result.notes())]
     return [printable(line) for line in lines]

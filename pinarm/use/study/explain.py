@@ -26,6 +26,7 @@ from pinarm.mechanics.couplings.coupling import JointRelation, left_open
 from pinarm.mechanics.loading.pinocchio_layout import FLOATING
 from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
+from pinarm.problems.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.mechanism import with_methods
 from pinarm.use.result.failures import failures_in_words
@@ -57,6 +58,7 @@ class Explanation:
         mobility: What its constraints do.
         q: Pinocchio's configuration, shape (nq,).
         where: Which configuration that is, in words.
+        removals: Joints that the scenario is solved without.
         control: Controllers of the scenario's problem, beside those of the mechanism.
         modes: Modes of a linear analysis, in words, and why some have the frequency 0.
     """
@@ -65,6 +67,7 @@ class Explanation:
     mobility: Mobility
     q: Array = field(repr=False)
     where: str
+    removals: Sequence[Removal] = ()
     control: Sequence[ControlOfRun] = ()
     modes: Sequence[str] = ()
 
@@ -77,12 +80,13 @@ class Explanation:
         return "\n".join([self.mechanism.title, *lines, *self._acting(), *self.modes, *self._modelled()])
 
     def summary(self) -> dict[str, Any]:
-        """Return the mobility, and what is left undetermined, as plain data."""
+        """Return the mobility, what is left undetermined, and what need not be solved for, as plain data."""
         import msgspec
 
         told = ("mobility", "joints", "rows", "rank", "degree", "regularity", "undetermined", "loosenings", "spins")
         mobility = {name: msgspec.to_builtins(getattr(self.mobility, name)) for name in told}
-        return {"mechanism": self.mechanism.title, "where": self.where, **mobility}
+        removals = msgspec.to_builtins(self.removals)
+        return {"mechanism": self.mechanism.title, "where": self.where, **mobility, "not solved for": removals}
 
     def sketch(self) -> Picture:
         """Return a drawing of the mechanism in that configuration, with the names of parts, points, joints, loops."""
@@ -245,10 +249,15 @@ class Explanation:
         return f", {length:.4g} m long {self.where}, {acts}"
 
     def _modelled(self) -> list[str]:
-        """Return remarks on the convention of q and v, meshes, and a missing kernel."""
+        """Return remarks on the convention of q and v, meshes, joints left out with reasons, and a missing kernel."""
+        model = self.mechanism.model
         lines = self._convention()
         if "<mesh" in self.mechanism.xml and MESH_MASSES not in self.mechanism.notes:
             lines.append("meshes are not read: no mass is taken from them")
+        if self.removals:
+            count = model.njoints - 1
+            lines.append(f"solved for: {count - len(self.removals)} of {count} joints")
+        lines += [f"  {removal.joint}: {removal.how}, {removal.why}" for removal in self.removals]
         reason = absence()
         return [*lines, f"compiled kernel: {reason}; steps of motions are computed in Python"] if reason else lines
 
@@ -287,7 +296,8 @@ def explain(path: Subject, values: Values | None = None) -> Explanation:
     meant = subject(path, values)
     if isinstance(meant, Mechanism):
         return _structure(meant)
-    explanation = _explained(meant.mechanism, _positions(meant), "where the motion begins")
+    removals = meant.simplification.removals
+    explanation = _explained(meant.mechanism, _positions(meant), "where the motion begins", removals)
     modes = _modes(meant) if meant.problem.kind == "linear" else ()
     return replace(explanation, control=getattr(meant.problem, "control", ()), modes=modes)
 
@@ -355,11 +365,11 @@ def _structure(mechanism: Mechanism) -> Explanation:
     return _explained(mechanism, beside(mechanism, drawing.q), where)
 
 
-def _explained(mechanism: Mechanism, q: Sequence[Array], where: str) -> Explanation:
+def _explained(mechanism: Mechanism, q: Sequence[Array], where: str, removals: Sequence[Removal] = ()) -> Explanation:
     """Return the structure at the first of some closed configurations that is of no special kind."""
     judged = generic(mechanism, q)
     first = where if judged is q[0] else f"beside a singular position, which is {where}"
-    return Explanation(mechanism, mobility_of(mechanism, judged), judged, first)
+    return Explanation(mechanism, mobility_of(mechanism, judged), judged, first, removals)
 
 
 def equations(

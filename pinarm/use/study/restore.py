@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.mechanism_loading import read_mechanism
 from pinarm.errors import InputError, require_path
+from pinarm.problems.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.facade import Result
 from pinarm.use.mechanism import Mechanism, with_methods
@@ -63,7 +64,7 @@ def restore(folder: str | Path) -> Result:
         manifest = read_manifest(folder)
     source = folder / manifest.source if manifest and manifest.source else None
     scenario = scenario.with_mechanism(mechanism)
-    measured = {key: summary[key] for key in ("figures", "errors", "number_errors", "setting", "no_bound")}
+    measured = {key: summary[key] for key in ("figures", "errors", "number_errors", "setting", "no_bound", "removals")}
     measured |= {"name": str(summary["scenario"]), "known": known, "source": source}
     return cast("Result", result_of(scenario, scenario.mechanism, arrays, {}, measured))
 
@@ -119,8 +120,9 @@ def _summary(path: Path) -> dict[str, Any]:
             raise ValueError("figures that are no numbers")
         doubts = ": least multipliers; ", ": not determined in "  # which the outputs bring along themselves
         notes = [str(note) for note in stored["notes"] if not any(doubt in str(note) for doubt in doubts)]
-        return {"scenario": stored["scenario"], "notes": notes, "figures": figures, "errors": errors,
-                "number_errors": of_numbers, "setting": str(accuracy.get("setting", "")),
+        removals = tuple(Removal(**removal) for removal in stored["not solved for"])
+        return {"scenario": stored["scenario"], "notes": notes, "removals": removals, "figures": figures,
+                "errors": errors, "number_errors": of_numbers, "setting": str(accuracy.get("setting", "")),
                 "no_bound": str(accuracy.get("no bound", ""))}  # fmt: skip
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}", hint=AGAIN) from None

@@ -126,7 +126,7 @@ def test_a_table_that_is_changed_afterwards_changes_nothing(scenario: Callable[.
     ("file", "content"),
     [
         ("summary.json", "{}"), ("trajectory.npz", "no archive"), ("scenario.yaml", "pinarm: 2"),
-        ("summary.json", '{"accuracy": {"equilibrium": "b"}, "cost": {}, "findings": {}, "scenario": 1, "notes": []}'),
+        ("summary.json", '{"accuracy": {"a": "b"}, "cost": {}, "findings": {}, "scenario": "a", "notes": []}'),
         ("model.urdf", "<robot/>"),
     ],
 )  # fmt: skip
