@@ -157,7 +157,7 @@ def test_costly_modules_are_imported_where_they_are_used() -> None:
 
 
 UNUSED = [
-    "scipy", "matplotlib", "pandas", "meshcat", "rich", "html", "numpy.ma", "numpy.random", "numpy.ctypeslib",
+    "scipy", "matplotlib", "pandas", "meshcat", "html", "numpy.ma", "numpy.random", "numpy.ctypeslib",
     "dataclasses", "pinarm.mechanics.friction.contact", "pinarm.mechanics.couplings.cam",
     "pinarm.engine.motion.segmented.stick_slip",
 ]  # fmt: skip

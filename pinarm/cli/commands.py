@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -198,11 +197,7 @@ def _check(options: Namespace) -> Answer:
 def _validate(options: Namespace) -> Answer:
     from pinarm.use.study.run import input_files
 
-    paths = [file for path in options.paths for file in input_files(path)]
-    if not paths:
-        names = ", ".join(map(str, options.paths))
-        expected = "files ending in .yaml, with a 'problem:', a 'robot:' or 'planar:'"
-        raise InputError(f"there are no scenarios and no mechanism files in {names}", expected=expected)
+    paths = input_files(*options.paths)
     read, mistakes = each_file(options, paths, lambda path: _validated(path, options.values))
     entries = [{"file": str(path), "error": str(error)} for path, error in mistakes]
     lines = [f"{path}: {verdict}" for path, verdict in read]
@@ -213,9 +208,9 @@ def _validate(options: Namespace) -> Answer:
 
 
 def _validated(path: Path, values: Sequence[str]) -> str:
-    from pinarm.use.study.run import is_mechanism_file
+    from pinarm.use.study.run import kind_of
 
-    if not is_mechanism_file(path):
+    if kind_of(path) != "mechanism":
         from pinarm.use.scenario.scenario import load
 
         load(path, values).validate()
@@ -341,14 +336,14 @@ MANY: dict[str, Any] = {"action": "append", "default": []}
     VALUES,
 )
 def _sweep(options: Namespace) -> Answer:
-    from pinarm.use.progress import progress_bar
+    from pinarm.use.progress import case_progress
     from pinarm.use.study.sweep.sweep import sweep
     from pinarm.use.study.sweep.table import report, require_parquet
 
     if options.parquet:
         require_parquet()
 
-    with work(options, "sweep") as (scenario, target, executor), progress_bar(sys.stderr) as bar:
+    with work(options, "sweep") as (scenario, target, executor):
         swept = sweep(
             scenario,
             pairs_of(options.over, "--over path.to.number='1, 2, 3 kg'"),
@@ -361,8 +356,9 @@ def _sweep(options: Namespace) -> Answer:
             workers=options.workers,
             executor=executor,
             folder=target.folder,
-            progress=bar,
+            progress=case_progress(progress),
         )
+        progress("")
         swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     code = NumericsError.exit_code if swept.errors else OK
     return Answer({**swept.summary(), "folder": str(target.folder)}, f"{report(swept)}\n{target}", code)

@@ -78,7 +78,7 @@ def names(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
 
 def keys(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
     """Return completions of a path of keys into the file that the line already has."""
-    from pinarm.use.study.dotted_keys import dotted_keys
+    from pinarm.use.study.quantities import dotted_keys
 
     file = _file(parsed_args)
     try:

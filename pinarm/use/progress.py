@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import IO
 
 _listener: ContextVar[Callable[[str], None] | None] = ContextVar("listener", default=None)
 
@@ -29,26 +28,21 @@ def tell(text: str) -> None:
 
 
 PAUSE = 0.1
-"""Seconds between two updates of the bar."""
+"""Seconds between two lines on the progress of cases."""
 
 
-@contextmanager
-def progress_bar(stream: IO[str]) -> Iterator[Callable[[int, int, int], None]]:
-    """Show progress with the remaining time, where the stream is a terminal."""
-    if not stream.isatty():
-        yield lambda done, failed, total: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+def case_progress(show: Callable[[str], None]) -> Callable[[int, int, int], None]:
+    """Return what shows how many cases are done, how many failed, and the time that is left, by a function of a line.
 
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(file=stream), transient=True) as bar:
-        task, last = bar.add_task("", total=None), 0.0
+    It is called with the numbers of cases that are done, that failed, and of all.
+    """
+    begin, last = time.monotonic(), -PAUSE
 
-        def progress(done: int, failed: int, total: int) -> None:
-            nonlocal last
-            if time.monotonic() - last > PAUSE or done == total:
-                last = time.monotonic()
-                bar.update(task, completed=done, total=total, description=f"{failed} failed" if failed else "")
+    def progress(done: int, failed: int, total: int) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last > PAUSE or done == total:
+            last, left = now, (now - begin) * (total - done) / done
+            show(f"{done}/{total} cases{f', {failed} failed' if failed else ''}, {left:.0f} s left")
 
-        yield progress
+    return progress

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -35,23 +35,11 @@ BESIDE = 1e-3
 SAME = 1e-12
 """Differences of the objective, relative to it, that are rounding."""
 
-FURTHER = "once more, from the best of the ends"
-"""Name of the search without slopes among the starts."""
-
 POLISH_RUNS, POLISH = 60, {"initial_tr_radius": 1e-3, "final_tr_radius": 1e-8}
 """Most runs for each unknown of the search without slopes; its first and last radius, scaled."""
 
 GENERATIONS, POPULATION = 40, 8
 """Of differential evolution: most generations, and points per unknown in each."""
-
-
-class Descent(NamedTuple):
-    """Where one start has led: to the best point on the way, both scaled, after some runs; how it ended, in words."""
-
-    start: Array
-    end: Array
-    runs: int
-    status: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +54,7 @@ class Optimum:
             where it is violated, of an equation the difference.
         sizes: Sizes of the objective and of each margin, which scale them: the median of the objective at the starts;
             the bound of a condition, or where it is 0 its margin at the first start.
-        descents: All starts and where they led; last, where it led further, the search from the best end.
+        ends: Scaled points to which the starts led; last that of the search from the best of them.
     """
 
     low: Array
@@ -75,7 +63,7 @@ class Optimum:
     runs: Runs
     conditions: Sequence[Condition] = ()
     sizes: Sequence[float] = ()
-    descents: Sequence[Descent] = ()
+    ends: Sequence[Array] = ()
 
     @property
     def objectives(self) -> list[float]:
@@ -109,22 +97,15 @@ class Optimum:
         margins = self.levels(self.run(x))[1:]
         return np.where(self.equations, np.abs(margins), -margins)
 
-    def violation(self, x: Array) -> float:
-        return float(np.max(self.violations(x), initial=0.0))
-
-    def is_valid(self, x: Array) -> bool:
-        """Tell whether the run at a point counts, and keeps all conditions."""
-        return not self.run(x).refusal and self.violation(x) <= KEPT
-
     def rank(self, x: Array) -> tuple[bool, float, float]:
-        """Return the sort key of a point: whether it counts, the violation, 0 where it is tolerated, the objective."""
-        violation = self.violation(x)
+        """Return the sort key of a point: whether it is refused, the violation, 0 where tolerated, the objective."""
+        violation = float(np.max(self.violations(x), initial=0.0))
         return bool(self.run(x).refusal), violation if violation > KEPT else 0.0, float(self.levels(self.run(x))[0])
 
     @property
     def best(self) -> Array:
         """The best end, scaled."""
-        return min((descent.end for descent in self.descents), key=self.rank)
+        return min(self.ends, key=self.rank)
 
     @property
     def active(self) -> list[int]:
@@ -143,7 +124,7 @@ class Optimum:
         return float(np.ptp(self.objectives)) <= max(SAME * self.sizes[0], rounding)
 
     def solved(self, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
-        """Return the optimum with its descents.
+        """Return the optimum with the ends of its starts.
 
         Args:
             starts: Number of starts, which fill the bounds evenly: a Latin hypercube, always the same for a seed.
@@ -160,30 +141,24 @@ class Optimum:
         scaled = replace(self, sizes=[abs(size) or 1.0 for size in sizes])
         if everywhere:
             points = [scaled._evolved(points[0], seed)]
-        optimum = replace(scaled, descents=[scaled._descent(x, "SLSQP", maxiter=50, ftol=1e-10) for x in points])
+        optimum = replace(scaled, ends=[scaled._end(x, "SLSQP", maxiter=50, ftol=1e-10) for x in points])
         if not optimum.run(optimum.best).refusal:
-            further = optimum._descent(optimum.best, "COBYQA", maxfev=POLISH_RUNS * len(self.low), **POLISH)
-            if optimum.rank(further.end) < optimum.rank(optimum.best):
-                optimum = replace(optimum, descents=[*optimum.descents, further._replace(status=FURTHER)])
-        if not optimum.is_valid(optimum.best):
+            further = optimum._end(optimum.best, "COBYQA", maxfev=POLISH_RUNS * len(self.low), **POLISH)
+            optimum = replace(optimum, ends=[*optimum.ends, further])
+        if optimum.rank(optimum.best)[:2] != (False, 0.0):
             raise optimum._nowhere(len(points))
         return optimum
 
-    def _descent(self, start: Array, method: str, **options: Any) -> Descent:
+    def _end(self, start: Array, method: str, **options: Any) -> Array:
         """Return the best point that a method comes to from a start, among all that it has run."""
         from scipy.optimize import minimize
 
         before = len(self.runs.known)
-        status = f"refused: {self.run(start).refusal}"
         if not self.run(start).refusal:
             slopes = (lambda x: self.slopes(x)[0]) if method == "SLSQP" else None
             kept, bounds = self._kept(with_slopes=method == "SLSQP"), [(0.0, 1.0)] * len(start)
-            ended = minimize(
-                self._height, start, jac=slopes, bounds=bounds, constraints=kept, method=method, options=options
-            )
-            status = "settled" if ended.success else f"stopped: {str(ended.message).lower()}"
-        new = [x for x, _ in [*self.runs.known.values()][before:]]
-        return Descent(start, min([start, *new], key=self.rank), len(self.runs.known) - before, status)
+            minimize(self._height, start, jac=slopes, bounds=bounds, constraints=kept, method=method, options=options)
+        return min([start, *(x for x, _ in [*self.runs.known.values()][before:])], key=self.rank)
 
     def _evolved(self, start: Array, seed: int) -> Array:
         from scipy.optimize import differential_evolution

@@ -23,7 +23,6 @@ from pinarm.engine.mechanism_loading import acted_along, mechanism_of_data, read
 from pinarm.engine.motion.guards import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.series import Series
 from pinarm.errors import InputError, Key, MethodError, NumericsError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
@@ -40,7 +39,7 @@ from pinarm.use.facade import Result
 from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.result.failures import failures_in_words, is_too_large, overflow
 from pinarm.use.result.measures import Figures
-from pinarm.use.result.presentation import UNIT_KINDS, Presentation
+from pinarm.use.result.presentation import UNIT_KINDS
 from pinarm.use.scenario.file_kind import (
     GIVEN,
     content_of,
@@ -573,7 +572,11 @@ class Scenario(Record, frozen=True):
                     quantities[name]
         for name in presentation.units:
             with self.document.locating("units", Key(name)):
-                series = _shown_quantity(name, quantities, presentation)
+                try:
+                    series = quantities[name]
+                except InputError as error:
+                    error.expected += f"; or a kind with a unit of it: {', '.join(UNIT_KINDS)}"
+                    raise
             with self.document.locating("units", name):
                 presentation.written(series)
 
@@ -625,18 +628,6 @@ class ScenarioSource(Record, frozen=True):
     def scenario(self) -> Scenario:
         fields = {name: getattr(self, name) for name in ("seed", "given", "functions", "function_forces")}
         return replace(Scenario.of(self.document, self.folder), **fields)
-
-
-def _shown_quantity(name: str, quantities: Quantities, presentation: Presentation) -> Series:
-    """Return a quantity that is to be shown in another unit; an error names the words for kinds too."""
-    try:
-        return quantities[name]
-    except InputError as error:
-        if name in UNIT_KINDS:
-            expected = f"a unit such as {' or '.join(UNIT_KINDS[name])}"
-            raise InputError(f"'{presentation.units[name]}' is no unit of '{name}'", expected=expected) from None
-        expected = f"{error.expected}; or a kind: {', '.join(UNIT_KINDS)}"
-        raise InputError(error.message, expected=expected, hint=error.hint) from None
 
 
 Given = Scenario | str | Path | Mapping[str, Any]

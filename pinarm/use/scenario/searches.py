@@ -26,7 +26,7 @@ from pinarm.use.result.numbers import measured, read_number
 from pinarm.use.result.result import Result
 from pinarm.use.result.section import Cell, Section, SectionTable
 from pinarm.use.scenario.find import Find
-from pinarm.use.scenario.optimum import FURTHER, Optimum
+from pinarm.use.scenario.optimum import Optimum
 from pinarm.use.scenario.roots import Run, Runs, find_root
 
 if TYPE_CHECKING:
@@ -153,31 +153,22 @@ def optimum_section(search: Find, optimum: Optimum, objective: Series, error: fl
         left = f"{error:.1e} {objective.unit or DIMENSIONLESS}"
         remarks.append(f"at these values the objective is known to {left}, beside the error of the motion")
     title = f"{'Least' if search.sign > 0 else 'Largest'} {objective.name}"
-    tables = _tables(search, optimum, str(objective.unit or "1"))
-    return Section("find", title, tables, numbers, remarks, errors={"objective": error})
+    return Section("find", title, _tables(search, optimum), numbers, remarks, errors={"objective": error})
 
 
-def _tables(search: Find, optimum: Optimum, unit: str) -> list[SectionTable]:
-    """Return the best values, where every start has led in the units of the file, and the margins of conditions."""
-    unknowns, factors = search.unknown.items(), np.array([unknown.factor for unknown in search.unknown.values()])
+def _tables(search: Find, optimum: Optimum) -> list[SectionTable]:
+    """Return the best values with their bounds in the units of the file, and the margins of conditions."""
+    factors = np.array([unknown.factor for unknown in search.unknown.values()])
     units = [str(unknown.unit or "1") for unknown in search.unknown.values()]
     ends = (optimum.values(optimum.best) / factors, optimum.low / factors, optimum.high / factors)
-    values: list[tuple[Cell, ...]] = [*zip(search.unknown, units, *(end.tolist() for end in ends), strict=True)]
-    starts: list[tuple[Cell, ...]] = []
-    for k, (start, end, runs, status) in enumerate(optimum.descents, start=1):
-        run, points = optimum.run(end), [(optimum.values(x) / factors).tolist() for x in (start, end)]
-        reached: list[Cell] = ["", ""] if run.refusal else [float(search.sign * run.numbers[0]), optimum.violation(end)]
-        starts.append((str(k), *points[0], *points[1], *reached, float(runs), status))
-    texts = [f"{path} {end} [{unknown.unit or 1}]" for end in ("at start", "at end") for path, unknown in unknowns]
-    tables = [
-        _table("values", "Best values, and their bounds", ["", "unit", "best", "lower bound", "upper bound"], values),
-        _table("starts", "All starts, and where each has led",
-               ["start", *texts, f"objective [{unit}]", "violation", "runs", "end"], starts),
-    ]  # fmt: skip
+    values = [*zip(search.unknown, units, *(end.tolist() for end in ends), strict=True)]
     pairs = zip(search.conditions, optimum.run(optimum.best).numbers[1:].tolist(), strict=True)
     rows = [(str(condition), margin, "active" * (k in optimum.active)) for k, (condition, margin) in enumerate(pairs)]
+    table = _table(
+        "values", "Best values, and their bounds", ["", "unit", "best", "lower bound", "upper bound"], values
+    )
     kept = _table("conditions", "Conditions and their margins in SI", ["", "margin", "active"], rows)
-    return [*tables, kept] if rows else tables
+    return [table, kept] if rows else [table]
 
 
 def _table(key: str, title: str, names: Sequence[str], rows: Sequence[tuple[Cell, ...]]) -> SectionTable:
@@ -192,9 +183,9 @@ def _remarks(search: Find, optimum: Optimum, objective: Series, value: float, ro
             if abs(end - bound) <= 1e-6 * (unknown.high - unknown.low):
                 held.append(f"{path} at its {name} bound {unknown.written(bound)}")
     held += [f"refused runs beside this value of {[*search.unknown][k]}" for k in optimum.beside_refused]
-    ends = [descent.end for descent in optimum.descents if descent.status != FURTHER]
+    *ends, _ = optimum.ends
     gap, best = max(AGREED[0] * abs(value), AGREED[1] * optimum.sizes[0]), optimum.run(optimum.best).numbers[0]
-    same = sum(optimum.is_valid(end) and abs(optimum.run(end).numbers[0] - best) <= gap for end in ends)
+    same = sum(optimum.rank(x)[:2] == (False, 0.0) and abs(optimum.run(x).numbers[0] - best) <= gap for x in ends)
     refused = sum(bool(optimum.run(end).refusal) for end in ends)
     remarks = [
         f"{objective.name} = {value:.7g} {objective.unit or DIMENSIONLESS} after {len(optimum.runs.known)} runs; "

@@ -14,6 +14,7 @@ import json
 import math
 import os
 import re
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -143,8 +144,8 @@ def _writing(folder: Path, what: str) -> Iterator[None]:
 
 
 FOLDERS = ("models", "scenarios", "examples")
-LEFT_BY_RUNS = ("results", "__pycache__")
-"""Folders that running the examples makes beside them, which are not copied; nor are hidden ones."""
+LEFT_BY_RUNS = shutil.ignore_patterns("results", "__pycache__", ".*")
+"""Folders that running the examples makes beside them, and hidden ones, which are not copied."""
 
 
 def examples(folder: str | Path = "pinarm-examples") -> Path:
@@ -163,25 +164,17 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
         InputError: The folder cannot be written, or pinarm was installed without these files.
     """
     target, source = Path(folder), example_files()
+
+    def copy(original: str, file: str) -> None:
+        if Path(file).parent.resolve().is_relative_to(target.resolve()):  # not where links of the user's lead out
+            write_new_file(Path(file), Path(original).read_bytes())
+
     with _writing(target, "examples"):
         target.mkdir(parents=True, exist_ok=True)
         write_new_file(target / ".pinarm-root", b"")
-        files = [*_files(source)]
-        for home in sorted({file.parent for file in files}):
-            _require_inside(target, home)
-        for file in files:
-            write_new_file(target / file, (source / file).read_bytes())
+        for name in FOLDERS:
+            shutil.copytree(source / name, target / name, copy_function=copy, ignore=LEFT_BY_RUNS, dirs_exist_ok=True)
     return target
-
-
-def _require_inside(target: Path, folder: Path) -> None:
-    """Raise where a folder below the target is reached by a symbolic link: files would be written elsewhere."""
-    if (target / folder).resolve() != target.resolve() / folder:
-        raise InputError(
-            f"{target / folder} leads to {(target / folder).resolve()}, by a symbolic link",
-            expected="folders of their own in the folder of the examples",
-            hint="another folder: -o DIR",
-        )
 
 
 def example_files() -> Path:
@@ -195,14 +188,6 @@ def example_files() -> Path:
         expected=f"{', '.join(FOLDERS)} in {package / 'example_files'}",
         hint="install pinarm's wheel again",
     )
-
-
-def _files(source: Path) -> Iterator[Path]:
-    for name in FOLDERS:
-        for path in sorted((source / name).rglob("*")):
-            file = path.relative_to(source)
-            if path.is_file() and not any(part in LEFT_BY_RUNS or part.startswith(".") for part in file.parts):
-                yield file
 
 
 STEP = {"deg": 30.0, "mm": 100.0}

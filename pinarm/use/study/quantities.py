@@ -1,8 +1,8 @@
-"""Names that can be asked of a scenario or of a mechanism, which a path, data or an object stands for."""
+"""Names that can be asked of a scenario or of a mechanism, which a path, data or an object stands for; their keys."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -12,10 +12,10 @@ from pinarm.engine.mechanism_loading import load_mechanism, mechanism_of_data
 from pinarm.engine.quantities.catalogue import QuantityCatalogue, catalogue, catalogue_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
-from pinarm.input.yaml.document import Document, Values
+from pinarm.input.yaml.document import Document, Values, joined
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid
-from pinarm.use.scenario.file_kind import is_mechanism, refuse_folder
+from pinarm.use.scenario.file_kind import is_mechanism, mechanism_data, refuse_folder
 from pinarm.use.scenario.scenario import Scenario, load
 
 Subject: TypeAlias = str | Path | Mechanism | Scenario | Mapping[str, Any]
@@ -71,3 +71,37 @@ def check_symbols(mechanism: Mechanism) -> None:
     """Raise where a symbol of a mechanism file stands for what no free motion of the mechanism has."""
     motion = Forward(time=TimeGrid(end=1.0, samples=2))
     Quantities(motion.schema_row(mechanism)).check_symbols(mechanism.symbols, mechanism.locate)
+
+
+def dotted_keys(file: str | Path, prefix: str = "") -> list[str]:
+    """Return the paths of keys one step further than a prefix: ``problem.time.end=``, or ``problem.time.`` of a map.
+
+    Args:
+        file: A scenario, whose mechanism file has the keys below ``changes`` and ``arguments``, or a mechanism file.
+        prefix: Beginning of the path.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    data = _children(Document.read(Path(file)).data)
+    if not is_mechanism(data):
+        mechanism = mechanism_data(data, Path(file).parent)
+        data |= {"changes": mechanism, "arguments": mechanism.get("arguments")}
+    while True:
+        paths = [*_further(prefix, data)]
+        if len(paths) != 1 or not paths[0].endswith(".") or paths[0] == prefix:
+            return paths
+        prefix = paths[0]  # the shell would put a blank behind it
+
+
+def _further(prefix: str, data: Mapping[Any, Any], at: tuple[Any, ...] = ()) -> Iterator[str]:
+    for name, inner in data.items():
+        below, path = _children(inner), joined((*at, name))
+        if prefix.startswith(f"{path}."):
+            yield from _further(prefix, below, (*at, name))
+        elif path.startswith(prefix):
+            yield f"{path}{'.' if below else '='}"
+
+
+def _children(data: Any) -> dict[Any, Any]:
+    return dict(data if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else {})

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document, Values
@@ -72,52 +72,42 @@ def scenarios(given: Given, values: Values | None = None) -> list[Scenario]:
     return [load(given, values)]
 
 
-def scenario_files(*paths: Path) -> Iterator[Path]:
-    """Yield scenario files, and those in folders in the order of their names; mechanism files there are passed over."""
-    files = [file for path in paths for file in (sorted(path.glob("*.yaml")) if path.is_dir() else [path])]
-    chosen = [file for file in files if file in paths or not is_mechanism_file(file)]
-    if not chosen:
-        places = ", ".join(map(str, paths))
-        below = sorted({str(file.parent) for path in paths if path.is_dir() for file in path.glob("*/*.yaml")})
-        raise InputError(
-            f"there are no scenarios in {places}",
-            expected="files ending in .yaml, with a 'problem:'",
-            hint=f"the folders below: {' '.join(below[:12])}" if below else "",
-        )
-    yield from chosen
+def scenario_files(*paths: Path) -> list[Path]:
+    """Return files, and the scenarios of folders; see ``input_files``."""
+    return [file for file in input_files(*paths) if file in paths or kind_of(file) == "scenario"]
 
 
-def input_files(path: Path) -> list[Path]:
-    """Return a file, or the scenarios and mechanism files in a folder and the folders below it.
+def input_files(*paths: Path) -> list[Path]:
+    """Return files, and the scenarios and mechanism files in folders and the folders below these.
 
-    Hidden folders are left alone. So are folders of results below it, whose files are those of a run as it was.
+    Hidden folders are left alone. So are folders of results below them, whose files are those of a run as it was.
+
+    Raises:
+        InputError: There are none.
     """
+    files = [file for path in paths for file in (_files_in(path) if path.is_dir() else [path])]
+    if not files:
+        expected = "files ending in .yaml, with a 'problem:', a 'robot:' or 'planar:'"
+        message = f"there are no scenarios and no mechanism files in {', '.join(map(str, paths))}"
+        raise InputError(message, expected=expected)
+    return files
+
+
+def _files_in(folder: Path) -> list[Path]:
     from pinarm.use.output import read_manifest
 
-    if not path.is_dir():
-        return [path]
-    files = sorted(path.rglob("*.yaml"))
-    visible = [file for file in files if not any(part.startswith(".") for part in file.relative_to(path).parts)]
-    written = {folder for folder in {file.parent for file in visible} - {path} if read_manifest(folder) is not None}
-    return [file for file in visible if file.parent not in written and is_input(file)]
+    files = sorted(folder.rglob("*.yaml"))
+    visible = [file for file in files if not any(part.startswith(".") for part in file.relative_to(folder).parts)]
+    written = {home for home in {file.parent for file in visible} - {folder} if read_manifest(home) is not None}
+    return [file for file in visible if file.parent not in written and kind_of(file)]
 
 
-def is_mechanism_file(file: Path) -> bool:
-    """Tell whether a file is a mechanism file; of one that cannot be read, whoever loads it says what is wrong."""
-    try:
-        return is_mechanism(Document.read(file).data)
-    except InputError:
-        return False
-
-
-def is_input(file: Path) -> bool:
-    """Tell whether a file is a scenario or a mechanism file, or cannot be read: whoever loads it says why."""
+def kind_of(file: Path) -> Literal["scenario", "mechanism", ""]:
+    """Return which file it is; empty for other YAML. What cannot be read is a scenario: whoever loads it says why."""
     try:
         data = Document.read(file).data
     except InputError:
-        return True
-    return isinstance(data, dict) and bool(INPUT & data.keys())
-
-
-INPUT = frozenset(("pinarm", "problem", "mechanism", "robot", "planar"))
-"""Keys by which scenarios and mechanism files are known among other YAML."""
+        return "scenario"
+    if is_mechanism(data):
+        return "mechanism"
+    return "scenario" if isinstance(data, dict) and {"pinarm", "problem", "mechanism"} & data.keys() else ""

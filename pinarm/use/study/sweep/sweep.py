@@ -95,7 +95,7 @@ def sweep(
         interrupted = False
     except KeyboardInterrupt:
         interrupted = True
-    table = swept_of(scenario, solving, definition, _notes(scenario, chosen))
+    table = swept_of(scenario, solving, definition, scenario.method_notes(scenario.content.accuracy))
     if interrupted:
         text = f"interrupted with {solving.done} of {len(chosen)} cases solved"
         hint = "the same command again: it goes on from there" if folder is not None else ""
@@ -165,16 +165,6 @@ def measured_results(
         return taken, columns
     values = ModeValues.of(quantities, modes)
     return [values, *taken], [*values.columns(), *columns]
-
-
-def _notes(scenario: Scenario, cases: Cases) -> list[str]:
-    """Return notes of the first and the last case: a removed method of integration."""
-    notes = []
-    for case in (0, len(cases) - 1):
-        with suppress(PinarmError):  # a case that fails says why itself
-            varied = scenario.varied(cases.values(case))
-            notes += [f"case {case}: {note}" for note in varied.method_notes(varied.content.accuracy)]
-    return list(dict.fromkeys(notes))
 
 
 def first_case(scenario: Scenario, cases: Cases) -> Scenario:
