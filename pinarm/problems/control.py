@@ -76,18 +76,18 @@ class MechanismPlant:
     def signal(self, name: str) -> Signal:
         mechanism = self.mechanism
         named = mechanism.driven_joint(name).name if name in mechanism.drives else name
-        return Signal(named, mechanism.coordinate(named), mechanism.closure.state)
+        return Signal(mechanism.model, mechanism.coordinate(named), name=named)
 
     def reader(self, name: str) -> Reader:
         words = name.split(".")
         if name in self.mechanism.coordinates:
             signal = self.signal(name)
-            return lambda t, q, v: float(signal.measure(q, v)[0])
+            return lambda t, q, v: float(signal.values(q))
         if len(words) == 3 and words[0] in ("joint", "coordinate") and words[1] in self.mechanism.coordinates:
             measured = self.signal(words[1])
             if words[2] in ("position", "velocity"):
                 order = ("position", "velocity").index(words[2])
-                return lambda t, q, v: float(measured.measure(q, v)[order])
+                return lambda t, q, v: float(measured.moving(q, v)[order])
         series = self._quantities(0.0, np.asarray(self._start), np.zeros(self.mechanism.model.nv))[name]
         if not np.isfinite(series.values).all():
             raise InputError(f"'{name}' is not determined by positions and velocities")
@@ -182,7 +182,7 @@ def _with_motors(
                 for k, (drive, motor) in enumerate(motors.items())
             ]
             with places(number):
-                winds = isinstance(source, PidController) and source.integrals and np.isinf(source.tracking_time)
+                winds = isinstance(source, PidController) and source.integrals and np.isinf(source.law.tracking)
                 if winds and any(motor.switches(FREE) for motor in behind):
                     raise InputError(
                         "the motor has a limit at which the integral winds up, and without kp there is no time in "

@@ -415,6 +415,13 @@ def check_each(values: Sequence[float], *expected: Unit) -> None:
             check_unit(value, wanted)
 
 
+def check_keys(keys: InputStruct, **expected: Unit) -> None:
+    """Check the units of keys, by their names; one that is left out has none."""
+    for name, wanted in expected.items():
+        with within(name):
+            check_unit(getattr(keys, name) or 0.0, wanted)
+
+
 @cache
 def measured_fields(struct: type[InputStruct]) -> dict[str, type[Measured]]:
     """Return the fields of a struct that are one quantity each, with their types."""

@@ -16,8 +16,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.input.units import Unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.coordinates import LinearCoordinate, MeasuredCoordinate
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.mechanics.limited_states import Switch
@@ -28,30 +27,14 @@ Reader = Callable[[float, Array, Array], float]
 """``(t, q, v) -> `` a named quantity of one state [SI]."""
 
 
-class Signal(Record, frozen=True):
-    """A coordinate that a controller measures.
-
-    Attributes:
-        state: Evaluates one state (q, v), shapes (nq,) and (nv,).
-    """
+class Signal(MeasuredCoordinate, frozen=True, kw_only=True):
+    """A coordinate that a controller measures."""
 
     name: str
-    coordinate: Coordinate
-    state: Callable[[Array, Array], Kinematics]
 
     @property
     def unit(self) -> Unit:
         return self.coordinate.unit
-
-    def measure(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return value and rate in states of shapes (..., nq) and (..., nv), both of shape (...)."""
-        if isinstance(self.coordinate, LinearCoordinate):
-            return self.coordinate.at(q), self.coordinate.rate(v)
-        flat = zip(q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]), strict=True)
-        states = [self.state(*row) for row in flat]
-        pairs = [(self.coordinate.value(state), self.coordinate.row(state) @ state.v) for state in states]
-        value, rate = np.array(pairs, float).reshape(-1, 2).T
-        return value.reshape(q.shape[:-1]), rate.reshape(q.shape[:-1])
 
 
 class Plant(Protocol):
@@ -140,7 +123,7 @@ def rhythm(period: float | None, delay: float) -> str:
     return f"sampled every {period:g} s" + (f", with a delay of {delay:g} s" if delay else "")
 
 
-class Controller(AbstractRecord, frozen=True):
+class Controller(AbstractRecord, frozen=True, kw_only=True):
     """A controller of one mechanism.
 
     Attributes:
@@ -152,12 +135,12 @@ class Controller(AbstractRecord, frozen=True):
 
     drives: tuple[str, ...]
     joints: tuple[Joint, ...]
-    signals: tuple[Signal, ...]
-    references: tuple[MotionLaw, ...]
     lower: Array
     upper: Array
-    sampling: Sampling | None
-    supply: str
+    signals: tuple[Signal, ...] = ()
+    references: tuple[MotionLaw, ...] = ()
+    sampling: Sampling | None = None
+    supply: str = ""
 
     def begin(self) -> None:
         """Begin an integration, of which nothing is known: where a controller remembers by itself."""
@@ -209,7 +192,7 @@ class Controller(AbstractRecord, frozen=True):
             measured[..., 0], measured[..., 1] = q[..., self._places[0]], v[..., self._places[1]]
             return measured
         for k, signal in enumerate(self.signals):
-            measured[..., k, 0], measured[..., k, 1] = signal.measure(q, v)
+            measured[..., k, 0], measured[..., k, 1], _ = signal.moving(q, v)
         return measured
 
     @cached_property

@@ -156,11 +156,13 @@ class FunctionControl:
             joints = tuple(plant.drive(name) for name in self.drives)
         endless, readers = np.full(len(joints), np.inf), dict[str, Reader]()
         sampling = None if self.period is None else Sampling(self.period, self.delay, np.zeros(0), "measured")
-        known = self.drives, joints, (), (), -endless, endless, sampling, ""
-        return FunctionController(*known, self.called, plant, readers)
+        return FunctionController(
+            drives=self.drives, joints=joints, lower=-endless, upper=endless, sampling=sampling,
+            function=self.called, plant=plant, readers=readers,
+        )  # fmt: skip
 
 
-class FunctionController(Controller, frozen=True):
+class FunctionController(Controller, frozen=True, kw_only=True):
     """A function as controller of one mechanism.
 
     Attributes:

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, Key, UnitError, choices, within
+from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import (
     AnyQuantity,
@@ -22,6 +22,7 @@ from pinarm.input.yaml.schema import (
     Pause,
     RateGain,
     Readable,
+    check_keys,
     check_unit,
     convert,
 )
@@ -34,11 +35,6 @@ from pinarm.mechanics.limited_states import FREE, StateLimits, Switch
 
 Limits = tuple[AnyQuantity, AnyQuantity]
 """Least and largest effort."""
-
-Wiring = tuple[
-    tuple[str, ...], tuple[Joint, ...], tuple[Signal, ...], tuple[MotionLaw, ...], Array, Array, Sampling | None, str
-]
-"""Drives, joints, signals, references, least and largest efforts, sampling and supply of a controller."""
 
 
 class ControlDefinition(InputStruct, frozen=True, kw_only=True):
@@ -89,10 +85,13 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
     def bind(self, plant: Plant) -> Controller:
         """Return the controller of one mechanism."""
 
-    def wired(self, plant: Plant, signals: tuple[Signal, ...], laws: tuple[MotionLaw, ...]) -> Wiring:
+    def wired(self, plant: Plant, signals: tuple[Signal, ...], laws: tuple[MotionLaw, ...]) -> dict[str, Any]:
         """Return the fields of ``Controller``, given what is measured and the laws of the references."""
-        bounds = self.bounds(self.units(plant))
-        return tuple(self.drives), self.joints(plant), signals, laws, *bounds, self.sampling(signals), ""
+        lower, upper = self.bounds(self.units(plant))
+        return {
+            "drives": tuple(self.drives), "joints": self.joints(plant), "signals": signals, "references": laws,
+            "lower": lower, "upper": upper, "sampling": self.sampling(signals),
+        }  # fmt: skip
 
     def joints(self, plant: Plant) -> tuple[Joint, ...]:
         with within("drive"):
@@ -211,36 +210,25 @@ class References(Readable):
             rest: What coordinates follow that a map leaves out; ``None`` where it must not.
         """
         with within("follows"):
-            laws = self._named(names, rest) if isinstance(self.given, dict) else self._listed(names)
-            for k, (name, law, signal) in enumerate(zip(names, laws, signals, strict=True)):
-                key = [name] if isinstance(self.given, dict) else [k] if isinstance(self.given, list) else []
+            if isinstance(self.given, dict):
+                keys: list[list[str | int]] = [[name] for name in names]
+                given = {**({} if rest is None else dict.fromkeys(names, rest)), **self.given}
+                laws = [given.pop(name) for name in names if name in given]
+                fits = not given and len(laws) == len(names)
+            else:
+                laws = self.given if isinstance(self.given, list) else [self.given]
+                keys = [[k] for k in range(len(laws))] if isinstance(self.given, list) else [[]]
+                fits = len(laws) == len(names)
+            if not fits:
+                raise InputError(
+                    f"the laws are not those of {', '.join(names)}",
+                    expected="one for each coordinate, as a list or by their names",
+                    hint=f"{{{', '.join(f'{name}: ...' for name in names)}}}",
+                )
+            for key, law, signal in zip(keys, laws, signals, strict=True):
                 with within(*key):
                     law.check_units(signal.unit)
         return tuple(laws)
-
-    def _listed(self, names: Sequence[str]) -> list[Law]:
-        laws: list[Any] = self.given if isinstance(self.given, list) else [self.given]
-        if len(laws) != len(names):
-            raise InputError(
-                f"{len(laws)} law{'s are' if len(laws) != 1 else ' is'} given, for {', '.join(names)}",
-                expected=f"{len(names)}, one for each coordinate, as a list or by their names",
-                hint=f"{{{', '.join(f'{name}: ...' for name in names)}}}",
-            )
-        return laws
-
-    def _named(self, names: Sequence[str], rest: Law | None) -> list[Law]:
-        assert isinstance(self.given, dict)
-        for name in self.given:
-            if name not in names:
-                expected, hint = choices(name, names)
-                with within(Key(name)):
-                    raise InputError(
-                        f"'{name}' is not what this controller moves or measures", expected=expected, hint=hint
-                    )
-        laws = {name: self.given.get(name, rest) for name in names}
-        if missing := [name for name, law in laws.items() if law is None]:
-            raise InputError(f"{', '.join(missing)} has no law to follow", expected="a law for each coordinate")
-        return [law for law in laws.values() if law is not None]
 
 
 def _law(value: Any, *at: str | int) -> Law:
@@ -289,13 +277,12 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
     def bind(self, plant: Plant) -> Controller:
         (commanded,), signals = self.units(plant), self.signals(plant)
         laws = self.follows.laws([self.measures or self.drives[0]], signals)
-        for key, per in (("kp", "1"), ("ki", "s"), ("kd", "1/s")):
-            with within(key):
-                _check_gain(getattr(self, key), commanded, signals[0], per)
-        gains = float(self.kp), float(self.ki), float(self.kd)
-        return PidController(*self.wired(plant, signals, laws), *gains, self._tracking())
+        per = {"kp": "", "ki": "/s", "kd": "*s"}
+        check_keys(self, **{key: unit(f"{commanded}{time}/{signals[0].unit}") for key, time in per.items()})
+        return PidController(**self.wired(plant, signals, laws), law=self)
 
-    def _tracking(self) -> float:
+    @property
+    def tracking(self) -> float:
         """Return T_t [s]; infinite where it is not given and kp is 0."""
         if self.tracking_time is None:
             kp, ki = float(self.kp), float(self.ki)
@@ -309,57 +296,33 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
         return float(self.tracking_time)
 
 
-def _check_gain(gain: float, commanded: Unit, measured: Signal, per: str) -> None:
-    """Check the unit of a gain; ``per`` is that of the time in it."""
-    try:
-        check_unit(gain, commanded / measured.unit / unit(per))
-    except UnitError as error:
-        time = {"1": "", "s": "/s", "1/s": "*s"}[per]
-        raise UnitError(
-            error.message,
-            expected=f"{commanded}{time}/{measured.unit}: the drive takes {commanded}, and '{measured.name}' is in "
-            f"{measured.unit}",
-            hint=f"20 {commanded}{time}/{measured.unit}",
-        ) from None
+class PidController(Controller, frozen=True, kw_only=True):
+    """A PID controller of one mechanism."""
 
-
-class PidController(Controller, frozen=True):
-    """A PID controller of one mechanism.
-
-    Attributes:
-        kp: Effort per error.
-        ki: Effort per error and second.
-        kd: Effort per rate of the error.
-        tracking_time: Time in which the integral follows a motor at its limit [s].
-    """
-
-    kp: float
-    ki: float
-    kd: float
-    tracking_time: float
+    law: Pid
 
     def command(self, given: Given) -> Array:
         """Return ``kp e + ki x + kd e'``."""
         error = given.error
-        u = self.kp * error[..., 0] + self.kd * error[..., 1]
-        return np.asarray(u + self.ki * given.integral if self.ki else u)
+        u = self.law.kp * error[..., 0] + self.law.kd * error[..., 1]
+        return np.asarray(u + self.law.ki * given.integral if self.law.ki else u)
 
     @property
     def integrals(self) -> int:
-        return 1 if self.ki else 0
+        return 1 if self.law.ki else 0
 
     def rates(self, given: Given) -> Array:
-        if not self.ki:
+        if not self.law.ki:
             return super().rates(given)
         return np.where(np.equal(given.mode, FREE)[..., None], self._free_rates(given), 0.0)
 
     def _free_rates(self, given: Given) -> Array:
         """Return the rate of an integral that is within its limits, shape (..., 1)."""
         error = given.error[..., 0]
-        return error - given.excess / (self.ki * self.tracking_time) if given.excess.size else error
+        return error - given.excess / (self.law.ki * self.law.tracking) if given.excess.size else error
 
     def clamped(self, integral: Array) -> Array:
-        ends = np.array([self.lower, self.upper]) / self.ki
+        ends = np.array([self.lower, self.upper]) / self.law.ki
         return np.asarray(np.clip(integral, ends.min(axis=0), ends.max(axis=0)))
 
     @property
@@ -368,21 +331,21 @@ class PidController(Controller, frozen=True):
         return StateLimits(float(self.lower[0]), float(self.upper[0]))
 
     def mode(self, given: Given, before: int | None) -> int:
-        if not self.ki:
+        if not self.law.ki:
             return FREE
-        terms = abs(self.ki) * (abs(given.reference[0, 0]) + abs(given.measured[0, 0]))
+        terms = abs(self.law.ki) * (abs(given.reference[0, 0]) + abs(given.measured[0, 0]))
         part, rate = float(self._part(given)), float(self._rate_of_part(given))
         return self._limits.mode(part, rate, float(terms), before or FREE)
 
     def switches(self, mode: int) -> list[Switch[Given]]:
-        own = self._limits.switches(mode, self._part, self._rate_of_part) if self.ki else []
+        own = self._limits.switches(mode, self._part, self._rate_of_part) if self.law.ki else []
         return [*super().switches(mode), *own]
 
     def _part(self, given: Given) -> Array:
-        return np.asarray(self.ki * given.integral[..., 0])
+        return np.asarray(self.law.ki * given.integral[..., 0])
 
     def _rate_of_part(self, given: Given) -> Array:
-        return np.asarray(self.ki * self._free_rates(given)[..., 0])
+        return np.asarray(self.law.ki * self._free_rates(given)[..., 0])
 
 
 LOW, HIGH = 0, 1
@@ -412,9 +375,7 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
         joints = self.joints(plant)
         signals = measured(plant, self.drives)
         laws = self.follows.laws(self.drives, signals)
-        for key, per in (("kp", "1/s^2"), ("kd", "1/s")):
-            with within(key):
-                check_unit(getattr(self, key), unit(per))
+        check_keys(self, kp=unit("1/s^2"), kd=unit("1/s"))
         with within("drive"):
             inverses = [plant.motor_inverse(name) for name in self.drives]
             motors = [motor for motor in inverses if motor is not None]
@@ -426,29 +387,26 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
                     hint="kind: pid, or the joint's name in place of the drive's",
                 )
             inverse = plant.inverse(joints)
-        gains = float(self.kp), float(self.kd)
-        return ComputedTorqueController(*self.wired(plant, signals, laws), *gains, np.array(motors).T, inverse)
+        wired = self.wired(plant, signals, laws)
+        return ComputedTorqueController(**wired, law=self, motors=np.array(motors).T, inverse=inverse)
 
 
-class ComputedTorqueController(Controller, frozen=True):
+class ComputedTorqueController(Controller, frozen=True, kw_only=True):
     """Computed torque of one mechanism.
 
     Attributes:
-        kp: Acceleration per error [1/s^2].
-        kd: Acceleration per rate of the error [1/s].
         motors: Command of each drive per effort and per velocity of its joint, shape (2, k); see ``CommandOfEffort``.
         inverse: ``(t, q, v, a) -> efforts`` of the drives; see ``Plant.inverse``.
     """
 
-    kp: float
-    kd: float
+    law: ComputedTorque
     motors: Array
     inverse: Callable[[Array | float, Array, Array, Array], Array]
 
     def command(self, given: Given) -> Array:
         """Return the efforts of the accelerations ``r'' + kd e' + kp e``, or the commands of motors that give them."""
         error = given.error
-        wanted = given.reference[..., 2] + self.kd * error[..., 1] + self.kp * error[..., 0]
+        wanted = given.reference[..., 2] + self.law.kd * error[..., 1] + self.law.kp * error[..., 0]
         per_effort, per_velocity = self.motors
         velocities = given.v[..., [joint.v for joint in self.joints]]
         efforts = self.inverse(given.t, given.q, given.v, wanted)
@@ -503,10 +461,10 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
             for command, commanded in zip(self.bias, units, strict=False):
                 check_unit(command, commanded)
         gains, bias = np.array(self.gains, float), np.array(self.bias or [0.0] * len(joints), float)
-        return StateFeedbackController(*self.wired(plant, signals, laws), gains, bias)
+        return StateFeedbackController(**self.wired(plant, signals, laws), gains=gains, bias=bias)
 
 
-class StateFeedbackController(Controller, frozen=True):
+class StateFeedbackController(Controller, frozen=True, kw_only=True):
     """State feedback of one mechanism.
 
     Attributes:
@@ -559,42 +517,36 @@ class Switching(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind",
     def bind(self, plant: Plant) -> Controller:
         (commanded,), signals = self.units(plant), self.signals(plant)
         laws = (self.follows or References(Constant(value=0.0))).laws([self.measures or self.drives[0]], signals)
-        for key, measure in (("above", commanded), ("below", commanded), ("hysteresis", signals[0].unit)):
-            with within(key):
-                check_unit(getattr(self, key), measure)
-        numbers = float(self.above), float(self.below), float(self.hysteresis), float(self.lead)
-        return Relay(*self.wired(plant, signals, laws), *numbers)
+        check_keys(self, above=commanded, below=commanded, hysteresis=signals[0].unit)
+        return Relay(**self.wired(plant, signals, laws), law=self)
 
 
-class Relay(Controller, frozen=True):
-    """A relay of one mechanism; see ``Switching`` for its numbers, in SI."""
+class Relay(Controller, frozen=True, kw_only=True):
+    """A relay of one mechanism."""
 
-    above: float
-    below: float
-    hysteresis: float
-    lead: float
+    law: Switching
 
     def command(self, given: Given) -> Array:
-        efforts = np.where(np.equal(given.mode, HIGH), self.above, self.below)
+        efforts = np.where(np.equal(given.mode, HIGH), self.law.above, self.law.below)
         return np.broadcast_to(efforts, np.shape(given.t))[..., None]
 
     def deviation(self, given: Given) -> Array:
         """Return ``s = e + lead e'``, shape (...)."""
         error = given.error[..., 0, :]
-        return np.asarray(error[..., 0] + self.lead * error[..., 1])
+        return np.asarray(error[..., 0] + self.law.lead * error[..., 1])
 
     def mode(self, given: Given, before: int | None) -> int:
         s = float(self.deviation(given))
         if before is None:
             return HIGH if s >= 0.0 else LOW
-        if s >= self.hysteresis:
+        if s >= self.law.hysteresis:
             return HIGH
-        return LOW if s <= -self.hysteresis else before
+        return LOW if s <= -self.law.hysteresis else before
 
     def switches(self, mode: int) -> list[Switch[Given]]:
         if mode == HIGH:
-            return [Switch(lambda given: self.deviation(given) + self.hysteresis, -1, LOW, leaps=True)]
-        return [Switch(lambda given: self.deviation(given) - self.hysteresis, 1, HIGH, leaps=True)]
+            return [Switch(lambda given: self.deviation(given) + self.law.hysteresis, -1, LOW, leaps=True)]
+        return [Switch(lambda given: self.deviation(given) - self.law.hysteresis, 1, HIGH, leaps=True)]
 
 
 Control = Pid | StateFeedback | ComputedTorque | Switching

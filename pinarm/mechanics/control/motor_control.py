@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from pinarm.mechanics.limited_states import FREE, StateLimits, Switch
 from pinarm.mechanics.motors import AnyMotor, DcMotor, IdealMotor
 
 
-class MotorController(Controller, frozen=True):
+class MotorController(Controller, frozen=True, kw_only=True):
     """The motor of one drive with its gear, behind a controller: a controller whose states are those of the motor.
 
     Attributes:
@@ -53,7 +54,7 @@ class MotorController(Controller, frozen=True):
         return {"effort": self.command(given)} | {name: x[..., None] for name, x in self.figures(given).items()}
 
 
-class Winding(MotorController, frozen=True):
+class Winding(MotorController, frozen=True, kw_only=True):
     """A DC motor without inductance: voltage and velocity determine the current."""
 
     motor: DcMotor
@@ -90,7 +91,7 @@ class Winding(MotorController, frozen=True):
         return [Switch(partial(self.voltage_left, current=at)) for at in ends]
 
 
-class InductiveWinding(Winding, frozen=True):
+class InductiveWinding(Winding, frozen=True, kw_only=True):
     """A DC motor whose current is a state; at its limit it is held, see ``mechanics.limited_states`` for its modes."""
 
     @property
@@ -122,7 +123,7 @@ class InductiveWinding(Winding, frozen=True):
         return limits.switches(mode, lambda given: given.integral[..., 0], self._excess_if_held)
 
 
-class TorqueSource(MotorController, frozen=True):
+class TorqueSource(MotorController, frozen=True, kw_only=True):
     """An ideal motor: command and velocity determine the torque.
 
     Attributes:
@@ -166,10 +167,11 @@ class TorqueSource(MotorController, frozen=True):
 
 def motor_behind(source: Controller, number: int, motor: AnyMotor, ratio: float) -> MotorController:
     """Return the motor of one drive of a controller."""
-    endless = np.full(1, np.inf)
-    wired = (source.drives[number],), (source.joints[number],), (), (), -endless, endless, None, ""
-    behind = source, number, ratio
+    endless, drives, joints = np.full(1, np.inf), (source.drives[number],), (source.joints[number],)
+    wired: dict[str, Any] = {"drives": drives, "joints": joints, "lower": -endless, "upper": endless}
+    wired |= {"source": source, "number": number, "ratio": ratio}
     if isinstance(motor, IdealMotor):
         curves = (None if points is None else np.array(points, float).T for points in (motor.peak, motor.continuous))
-        return TorqueSource(*wired, *behind, *curves)
-    return (InductiveWinding if motor.inductance else Winding)(*wired, *behind, motor)
+        peak, continuous = curves
+        return TorqueSource(**wired, peak=peak, continuous=continuous)
+    return (InductiveWinding if motor.inductance else Winding)(**wired, motor=motor)

@@ -12,12 +12,19 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, continued
 from pinarm.errors import InputError, within
-from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import AnyQuantity, InputStruct, NotNegative, Positive, check_each, check_unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, coordinate_of, coordinates_of, sum_of
-from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement, Pieces
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, NotNegative, Positive, check_each, check_keys, check_unit
+from pinarm.mechanics.coordinates import (
+    Coordinate,
+    LinearCoordinate,
+    MeasuredCoordinate,
+    coordinate_of,
+    coordinates_of,
+    sum_of,
+)
+from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement, Pieces, edge_along
 from pinarm.mechanics.forces.joint_forces import CREEP, DryFriction, SpringDamper
-from pinarm.mechanics.forces.load_laws import LoadKeys, LoadLaw, MeasuredCoordinate
+from pinarm.mechanics.forces.load_laws import LoadKeys, LoadLaw
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.mechanics.laws import Law
@@ -145,10 +152,10 @@ class StopSpring(AlongCoordinate, frozen=True):
         return [edge for side in self.sides for edge in self._edges_of(side)]
 
     def _edges_of(self, side: float) -> list[Edge]:
-        met = self.edge(lambda w, rate: side * w - self.half)
+        met = edge_along(self, lambda w, rate: side * w - self.half)
         if not self.damping:
             return [met]
-        return [met, self.edge(lambda w, rate: self._push(side, w, rate), lambda w: self._touches(side, w))]
+        return [met, edge_along(self, lambda w, rate: self._push(side, w, rate), lambda w: self._touches(side, w))]
 
     @property
     def in_pieces(self) -> bool:
@@ -225,7 +232,7 @@ class SpringKeys(InputStruct, frozen=True, kw_only=True):
     def spring(self, model: pin.Model, along: Coordinate) -> ForceElement:
         """Return the spring along a coordinate; at a joint one that the compiled kernel knows."""
         stiff = effort_unit(along) / along.unit
-        _check(self, stiffness=stiff, rest=along.unit, damping=stiff * unit("s"))
+        check_keys(self, stiffness=stiff, rest=along.unit, damping=stiff * unit("s"))
         numbers = float(self.stiffness), float(self.damping), float(self.rest)
         if not isinstance(along, LinearCoordinate) or along.joint is None:
             return SpringAlong(model, along, *numbers)
@@ -308,7 +315,7 @@ class RegularisedFriction(InputStruct, frozen=True, tag_field="kind", tag="regul
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
         along = _at_joint(model, joints, self.joint)
-        _check(self, friction=effort_unit(along), creep=along.unit / unit("s"))
+        check_keys(self, friction=effort_unit(along), creep=along.unit / unit("s"))
         return DryFriction(along.moved, np.array([float(self.friction)]), np.array([float(self.creep)]))
 
 
@@ -345,12 +352,6 @@ def _along(model: pin.Model, coordinates: Coordinates, name: str) -> Coordinate:
         return coordinate_of(model, coordinates, name)
 
 
-def _check(keys: InputStruct, **expected: Unit) -> None:
-    for name, measured in expected.items():
-        with within(name):
-            check_unit(getattr(keys, name), measured)
-
-
 def elastic_gear(
     model: pin.Model, deflection: LinearCoordinate, elasticity: Elasticity, backlash: float
 ) -> ForceElement:
@@ -361,7 +362,7 @@ def elastic_gear(
     """
     stiff = effort_unit(deflection) / deflection.unit
     with within("elasticity"):
-        _check(elasticity, stiffness=stiff, damping=stiff * unit("s"))
+        check_keys(elasticity, stiffness=stiff, damping=stiff * unit("s"))
     with within("backlash"):
         check_unit(backlash, deflection.unit)
     stiffness, damping = float(elasticity.stiffness), float(elasticity.damping)

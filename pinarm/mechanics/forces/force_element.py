@@ -16,7 +16,7 @@ from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.coordinates import PairCoordinate
+    from pinarm.mechanics.coordinates import MeasuredCoordinate, PairCoordinate
     from pinarm.mechanics.forces.load_laws import LoadLaw
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
@@ -66,6 +66,19 @@ class Edge(NamedTuple):
     value: Callable[[Array, Array, Array], Array]
     counts: Callable[[Array, Array, Array], Flags] | None = None
     direction: int = 0
+
+
+def edge_along(
+    along: MeasuredCoordinate, value: Callable[[Array, Array], Array],
+    counts: Callable[[Array], Flags] | None = None, direction: int = 0,
+) -> Edge:  # fmt: skip
+    """Return an edge at zeros of a function of w and its rate, which count where another one of w says so."""
+
+    def counted(t: Array, q: Array, v: Array) -> Flags:
+        assert counts
+        return counts(along.values(q))
+
+    return Edge(lambda t, q, v: value(*along.moving(q, v)[:2]), counted if counts else None, direction)
 
 
 class ElementQuantity(ValueRecord, frozen=True):

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
-from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal
+from functools import cached_property, partial
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -20,72 +20,12 @@ from pinarm.arrays import Array, Flags, continued
 from pinarm.errors import InputError, Key, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Extent, InputStruct, Time, check_unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate, PathLength, coordinate_of
-from pinarm.mechanics.forces.force_element import Edge, Pieces
-from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, MeasuredCoordinate, coordinate_of
+from pinarm.mechanics.forces.force_element import Edge, Pieces, edge_along
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, Values, polynomial
 from pinarm.mechanics.laws.over_coordinate import Driven, Profile, reversals
-from pinarm.records import AbstractRecord, Record, replace
-
-if TYPE_CHECKING:
-    from pinarm.mechanics.geometry.frame_pairs import FramePairs
-    from pinarm.mechanics.geometry.pairs import TiedFrames
-
-
-class MeasuredCoordinate(AbstractRecord, frozen=True):
-    """A coordinate w with the row J, ``w' = J v``."""
-
-    unshown: ClassVar[tuple[str, ...]] = ("model",)
-
-    model: pin.Model
-    coordinate: Coordinate
-
-    def edge(self, value: Callable[[Array, Array], Array], counts: Callable[[Array], Flags] | None = None) -> Edge:
-        """Return an edge at zeros of a function of w and its rate, which count where another one of w says so."""
-        return Edge(lambda t, q, v: value(*self.moving(q, v)[:2]), counts and (lambda t, q, v: counts(self.values(q))))
-
-    def values(self, q: Array) -> Array:
-        """Return w, shape (...)."""
-        return self.evaluated(q)[0]
-
-    def moving(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Return w and its rate, shape (...), and J, shape (..., nv)."""
-        w, rows = self.evaluated(q)
-        return w, (rows * v).sum(axis=-1), rows
-
-    def evaluated(self, q: Array) -> tuple[Array, Array]:
-        """Return w, shape (...), and J, shape (..., nv), by the motions of the frames that the coordinate measures."""
-        if isinstance(self.coordinate, LinearCoordinate):
-            weights = self.coordinate.weights
-            values = np.asarray(q[..., self.coordinate.places] @ weights)
-            return values, np.broadcast_to(weights, (*values.shape, len(weights)))
-        states = q.reshape(-1, q.shape[-1])
-        w, rows = self._of_one(states[0]) if len(states) == 1 and np.isrealobj(q) else self._of_many(states)
-        return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
-
-    def _of_one(self, q: Array) -> tuple[Array, Array]:
-        """Return w and J of one real configuration, in a seventh of the time that many take."""
-        state = Kinematics.at(self.model, q)
-        return np.array(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
-
-    def _of_many(self, q: Array) -> tuple[Array, Array]:
-        w, rows = np.zeros(len(q), q.dtype), np.zeros((self.model.nv, len(q)), q.dtype)
-        for way, frames in self._ways:
-            motion = frames.at_configurations(q)
-            w += way.pair.gap(*motion.flat)[0]
-            rows[frames.velocities[:, 0]] += motion.rows(way.pair)[0, :, 0]
-        if isinstance(self.coordinate, PairCoordinate):
-            w += self.coordinate.missing_turns(w, q)
-        return w, rows.T
-
-    @cached_property
-    def _ways(self) -> list[tuple[TiedFrames, FramePairs]]:
-        from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
-
-        assert isinstance(self.coordinate, PairCoordinate | PathLength)
-        return [(way, FramePairs.between(self.model, way.first, way.second)) for way in self.coordinate.ways]
-
+from pinarm.records import Record, replace
 
 SENSES = {"increasing": 1.0, "decreasing": -1.0}
 """Directions of motion, and the signs of their rates."""
@@ -115,7 +55,7 @@ class Gate(Record, frozen=True):
     def edge(self) -> Edge:
         """Where the load begins or ceases to act."""
         side = -self.sense if self.is_open is False else self.sense
-        return self.along.edge(lambda w, rate: side * rate)._replace(direction=0 if self.is_open is None else -1)
+        return edge_along(self.along, lambda w, rate: side * rate, direction=0 if self.is_open is None else -1)
 
 
 class LoadLaw(Record, frozen=True):
@@ -195,14 +135,13 @@ class LoadLaw(Record, frozen=True):
         if not (self.profile and self.along and self.profile.leaps):
             return edges
         if self.stretch is None:
-            return [*edges, self.along.edge(lambda w, rate: self._margins(w))]
+            return [*edges, edge_along(self.along, lambda w, rate: self._margins(w))]
         below, above = self.stretch
         ends = [(1.0, below), (-1.0, above)]
-        return [*edges, *(self._end(side, place) for side, place in ends if math.isfinite(place))]
-
-    def _end(self, side: float, place: float) -> Edge:
-        assert self.along
-        return self.along.edge(lambda w, rate: side * (w - place))._replace(direction=-1)
+        for side, place in ends:
+            if math.isfinite(place):
+                edges.append(edge_along(self.along, partial(_way_to, side, place), direction=-1))
+        return edges
 
     def _margins(self, w: Array) -> Array:
         """Return the distances of values of w, shape (n,), from the next jump of f."""
@@ -244,6 +183,10 @@ class LoadLaw(Record, frozen=True):
             return ""
         used = f"{w.min():.6g} to {w.max():.6g} {unit}"
         return f"its points go from {first:.6g} to {last:.6g} {unit}, and it is used from {used}"
+
+
+def _way_to(side: float, place: float, w: Array, rate: Array) -> Array:
+    return side * (w - place)
 
 
 def _law_of(along: MeasuredCoordinate | None, laws: Mapping[int, MotionLaw]) -> MotionLaw | None:
