@@ -221,7 +221,7 @@ MECHANISMS = [
     ("of: [pivot]", "of: [pivot, track]", ["slider.yaml:", "cannot mix angles and lengths"]),
     ("  turn:", "  track:", ["slider.yaml:", "the coordinate 'track' has the name of a joint"]),
     ("efficiency: 0.8", "efficiency: -0.8", ["slider.yaml:9:48: -0.8 is out of bounds", "more than 0"]),
-    ("ratio: 50", "ratio: 0", ["slider.yaml:9:32: the ratio of a gear"]),
+    ("ratio: 50", "ratio: 0", ["slider.yaml:9:32: 0 is out of bounds"]),
     ("drives:\n", "drives:\n  second: {joint: pivot}\n",
      ["slider.yaml:10:18: the joint 'pivot' has two drives, 'second' and 'motor'", "one drive at each joint"]),
     ("symbols:", "loops: {L: {kind: universal, between: [rod, rod], axes: [A, y]}}\nsymbols:",

@@ -395,12 +395,6 @@ class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
 
     of: Annotated[list[str], msgspec.Meta(min_length=1)] | Annotated[dict[str, Weight], msgspec.Meta(min_length=1)]
 
-    def check(self) -> None:
-        for name, weight in self.of.items() if isinstance(self.of, dict) else ():
-            if not 0.0 < abs(weight) < np.inf:
-                with within("of", Key(name)):
-                    raise InputError(f"the weight of {name} cannot be {weight:g}", expected="a finite number but 0")
-
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
         with within("of"):
             coordinate = sum_of(model, joints, list(self.of))

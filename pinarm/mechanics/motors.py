@@ -46,11 +46,6 @@ class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
     inductance: Inductance = 0.0
     current_limit: Current | None = None
 
-    def check(self) -> None:
-        if self.constant == 0.0:
-            with within("constant"):
-                raise InputError("a motor of constant 0 has no torque", expected="k in N*m/A")
-
     def inverse(self, ratio: float) -> CommandOfEffort | None:
         """Return the voltage of an effort T, ``V = R T / (N k) + k N v``; ``None`` with an inductance."""
         behind = self.constant * ratio

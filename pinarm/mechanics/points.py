@@ -60,8 +60,6 @@ class Payload(InputStruct, frozen=True):
 
     def check(self) -> None:
         small, middle, large = sorted(self.inertia)
-        if small < 0.0:
-            raise InputError(f"a moment of inertia is negative ({small:g} kg*m^2)")
         if small + middle < large * (1.0 - TRIANGLE):
             raise InputError(f"the moment of inertia {large:g} kg*m^2 is more than the sum of the other two")
 

@@ -9,7 +9,6 @@ to it, ``x - w(q) = 0``. As armatures of joints, rotors have no weight, and thei
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
@@ -105,11 +104,6 @@ class Drive(InputStruct, frozen=True):
         if self.elasticity is not None and not self.rotor_inertia:
             with within("elasticity"):
                 raise InputError("a rotor that moves by itself needs an inertia", expected="rotor_inertia: 1e-4 kg*m^2")
-        if self.ratio == 0.0 or not math.isfinite(self.ratio):
-            with within("ratio"):
-                raise InputError(
-                    f"the ratio of a gear cannot be {self.ratio:g}", expected="a finite number other than 0"
-                )
 
     @property
     def coordinate(self) -> str:

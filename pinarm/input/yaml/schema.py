@@ -2,6 +2,7 @@
 
 # Annotations are no text here (``from __future__ import annotations``): msgspec would compile each in every run.
 
+import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -91,6 +92,8 @@ class Measured(float):
         order: For fields of a law: order of the derivative of its value.
         along: For fields of a law: power of the variable that the law runs along.
         within: Bound of its size in SI, either way.
+        below: Bound of its size in SI, either way, that it must not reach.
+        nonzero: Whether it must not be 0.
         forms: What may stand for it in a file, as JSON Schemas.
         examples: Values that a message shows where the unit is missing.
     """
@@ -103,6 +106,8 @@ class Measured(float):
     least: ClassVar[float | None] = None
     above: ClassVar[float | None] = None
     within: ClassVar[float] = LARGEST
+    below: ClassVar[float] = math.inf
+    nonzero: ClassVar[bool] = False
     forms: ClassVar[Sequence[Mapping[str, Any]]] = ({"type": "number"}, {"type": "string"})
     examples: ClassVar[str] = "30 deg; a number without a unit is 50 % or 0.5 1"
 
@@ -143,6 +148,11 @@ class Measured(float):
         if (cls.least is not None and number < cls.least) or (cls.above is not None and number <= cls.above):
             bound = f"at least {cls.least:g}" if cls.above is None else f"more than {cls.above:g}"
             raise InputError(f"{number:g} is out of bounds", expected=bound)
+        if cls.nonzero and not number:
+            raise InputError("0 is out of bounds", expected="a number other than 0")
+        if not abs(number) < cls.below:
+            bound = f"less than {math.degrees(cls.below):g} deg"
+            raise InputError(f"{math.degrees(number):g} deg is out of bounds", expected=bound)
         if abs(number) > cls.within:
             raise InputError(
                 f"{number:g} is out of bounds",
@@ -179,7 +189,8 @@ def quantity(text: str = "", **expected: float | str | None) -> Any:
 
     Args:
         text: Unit whose dimension it must have; any dimension if empty.
-        expected: ``least``, ``above``, ``within``, ``order``, ``along`` or ``examples``; see ``Measured``.
+        expected: ``least``, ``above``, ``within``, ``below``, ``nonzero``, ``order``, ``along`` or ``examples``; see
+            ``Measured``.
     """
     return type("Measured", (Measured,), {"expected": unit(text) if text else None, **expected})
 
@@ -193,12 +204,17 @@ Angle, Length = quantity("rad"), quantity("m", least=0.0, within=FARTHEST)
 Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)
 Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0, within=HEAVIEST)
 Span, Lead = quantity("m", above=0.0, within=FARTHEST), quantity("m", within=FARTHEST)
-Position, Tension = Lead, quantity("N", least=0.0)
+Position, Tension, Pitch = Lead, quantity("N", least=0.0), quantity("m", within=FARTHEST, nonzero=True)
+ProfileAngle, HelixAngle = quantity("rad", least=0.0, below=0.5 * math.pi), quantity("rad", below=0.5 * math.pi)
 LoadRating, ServiceSpeed = quantity("N", above=0.0), quantity("rad/s", above=0.0)
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 MotorSpeed, MotorTorque = quantity("rad/s", least=0.0), quantity("N*m", least=0.0)
 Current = quantity("A", above=0.0)
-Resistance, Inductance, TorqueConstant = quantity("ohm", above=0.0), quantity("H", least=0.0), quantity("N*m/A")
+Resistance, Inductance, TorqueConstant = (
+    quantity("ohm", above=0.0),
+    quantity("H", least=0.0),
+    quantity("N*m/A", nonzero=True),
+)
 RotationStiffness = quantity("N*m/rad", least=0.0)
 RotationDamping = quantity("N*m*s/rad", least=0.0)
 GAINS = "20 N*m{0}/rad or 1500 N{0}/m; 1500 V{0}/m where the drive takes a voltage"
@@ -266,7 +282,9 @@ _FRACTION = rf"({DECIMAL})\s*/\s*({DECIMAL})"
 
 
 class _Fraction(PureNumber):
-    """A number without unit, which may be a fraction of two, such as ``17/43`` of teeth."""
+    """A number other than 0, without unit, which may be a fraction of two, such as ``17/43`` of teeth."""
+
+    nonzero = True
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
@@ -284,7 +302,7 @@ class _Fraction(PureNumber):
 
 Ratio: Any = _Fraction
 Efficiency, Restitution = number(above=0.0, within=1.0), number(least=0.0, within=1.0)
-Coefficient, Weight = number(least=0.0), number()
+Coefficient, Weight = number(least=0.0), number(nonzero=True)
 
 
 class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True, repr_omit_defaults=True):

@@ -10,8 +10,21 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, Key, within
-from pinarm.input.yaml.schema import Angle, AnyQuantity, InputStruct, Lead, Measured, Ratio, Span, Tension, Weight
+from pinarm.errors import InputError
+from pinarm.input.yaml.schema import (
+    Angle,
+    AnyQuantity,
+    HelixAngle,
+    InputStruct,
+    Lead,
+    Pitch,
+    ProfileAngle,
+    Ratio,
+    Span,
+    Tension,
+    Weight,
+    check_unit,
+)
 from pinarm.mechanics.couplings.cam import Cam
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.couplings.teeth import (
@@ -152,14 +165,12 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
     ratio: Ratio
     offset: AnyQuantity = 0.0
     carrier: str = ""
-    pressure_angle: Angle | None = None
-    helix_angle: Angle = 0.0
+    pressure_angle: ProfileAngle | None = None
+    helix_angle: HelixAngle = 0.0
     plane: str = ""
     planets: Annotated[int, msgspec.Meta(ge=2)] | None = None
 
     def check(self) -> None:
-        if not 0.0 < abs(self.ratio) < np.inf:
-            raise InputError(f"the ratio of a gear cannot be {self.ratio:g}", expected="a finite number other than 0")
         check_teeth(self.pressure_angle, self.helix_angle, self.plane)
         if self.planets is not None and self.pressure_angle is not None:
             raise InputError(
@@ -176,8 +187,7 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
                 expected="two revolute or two prismatic joints",
                 hint="kind: screw, with a lead",
             )
-        if isinstance(self.offset, Measured):
-            self.offset.check(second.unit)
+        check_unit(self.offset, second.unit)
         weights, pair = {second: 1.0, first: -float(self.ratio)}, None
         if self.carrier or self.pressure_angle is not None or self.planets is not None:
             pair = self._pair(joints, model, (first, second))
@@ -226,15 +236,13 @@ class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):
     """
 
     joints: tuple[str, str]
-    radius: Lead
+    radius: Pitch
     offset: Lead = 0.0
-    pressure_angle: Angle | None = None
-    helix_angle: Angle = 0.0
+    pressure_angle: ProfileAngle | None = None
+    helix_angle: HelixAngle = 0.0
     plane: str = ""
 
     def check(self) -> None:
-        if self.radius == 0.0:
-            raise InputError("a pinion without a radius moves no rack", expected="a length other than 0")
         check_teeth(self.pressure_angle, self.helix_angle, self.plane)
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
@@ -278,12 +286,8 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
     """
 
     joints: tuple[str, str]
-    lead: Lead
+    lead: Pitch
     offset: Lead = 0.0
-
-    def check(self) -> None:
-        if self.lead == 0.0:
-            raise InputError("a screw without a lead couples nothing", expected="a length other than 0")
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
         turns, slides = turning_and_sliding(joints, self.joints, "screw")
@@ -336,12 +340,6 @@ class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
     weights: Annotated[dict[str, Weight], msgspec.Meta(min_length=2)]
     value: AnyQuantity = 0.0
 
-    def check(self) -> None:
-        for name, weight in self.weights.items():
-            if not 0.0 < abs(weight) < np.inf:
-                with within("weights", Key(name)):
-                    raise InputError(f"the weight of {name} cannot be {weight:g}", expected="a finite number but 0")
-
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
         weights = {joint_of(joints, joint): float(weight) for joint, weight in self.weights.items()}
         first = next(iter(weights))
@@ -351,8 +349,7 @@ class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
                 expected="joints of one kind",
                 hint="kind: screw or rack",
             )
-        if isinstance(self.value, Measured):
-            self.value.check(first.unit)
+        check_unit(self.value, first.unit)
         missing = "a sum says nothing of the parts between them"
         return coupled(model, joints, name, "sum", weights, float(self.value), missing=missing)
 

@@ -168,17 +168,9 @@ class Teeth(NamedTuple):
 
 
 def check_teeth(pressure_angle: float | None, helix_angle: float, plane: str) -> None:
-    """Refuse angles that no teeth have, and what says more of teeth whose pressure angle is not given."""
+    """Refuse what says more of teeth whose pressure angle is not given."""
     if pressure_angle is None and (helix_angle or plane):
         raise InputError("the teeth have no pressure_angle", expected="pressure_angle, such as 20 deg")
-    angles = (("pressure_angle", pressure_angle or 0.0, 0.0), ("helix_angle", helix_angle, -np.pi / 2))
-    for key, angle, least in angles:
-        if not least <= angle < np.pi / 2 or angle == -np.pi / 2:
-            with within(key):
-                raise InputError(
-                    f"teeth have no {key} of {np.rad2deg(angle):g} deg",
-                    expected=f"an angle between {np.rad2deg(least):g} and 90 deg",
-                )
 
 
 def _contact(

@@ -12,7 +12,16 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Angle, Coefficient, Force, InputStruct, NotNegative, Positive, Span, check_unit
+from pinarm.input.yaml.schema import (
+    Coefficient,
+    InputStruct,
+    NotNegative,
+    Positive,
+    ProfileAngle,
+    Span,
+    Tension,
+    check_keys,
+)
 from pinarm.mechanics.ball_joints import balls_of
 from pinarm.mechanics.coordinates import LinearCoordinate, PairCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
@@ -95,10 +104,10 @@ class Friction(InputStruct, frozen=True):
     radius: Span | None = None
     thrust_radius: Span | None = None
     span: Span | None = None
-    flank: Angle = 0.0
-    lead_angle: Angle | None = None
+    flank: ProfileAngle = 0.0
+    lead_angle: ProfileAngle | None = None
     teeth: Annotated[int, msgspec.Meta(ge=4)] | None = None
-    preload: Force = 0.0
+    preload: Tension = 0.0
     constant: NotNegative = 0.0
     static_constant: NotNegative | None = None
     viscous: NotNegative = 0.0
@@ -116,13 +125,6 @@ class Friction(InputStruct, frozen=True):
                         f"friction at rest, {rest:g}, is below that of slip, {slip:g}",
                         expected="at least as much at rest",
                     )
-        for key, angle in (("flank", self.flank), ("lead_angle", self.lead_angle)):
-            if angle is not None and not 0.0 <= angle < 0.5 * np.pi:
-                with within(key):
-                    raise InputError("the angle is not that of a thread", expected="at least 0 and below 90 deg")
-        if self.preload < 0.0:
-            with within("preload"):
-                raise InputError("a preload presses", expected="at least 0 N")
 
     def bind(
         self, name: str, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[LoopJoint | JointRelation]
@@ -270,9 +272,7 @@ class Friction(InputStruct, frozen=True):
     def _law(self, measured: Unit) -> FrictionLaw:
         effort, rate = _effort(measured), measured / unit("s")
         units = {"constant": effort, "static_constant": effort, "viscous": effort / rate, "stribeck": rate}
-        for key, expected in units.items():
-            with within(key):
-                check_unit(getattr(self, key) or 0.0, expected)
+        check_keys(self, **units)
         static_mu = self.mu if self.static_mu is None else self.static_mu
         static = self.constant if self.static_constant is None else self.static_constant
         numbers = self.constant, static, self.viscous, self.stribeck or 0.0

@@ -10,8 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
-from pinarm.input.yaml.schema import Lead
+from pinarm.input.yaml.schema import Lead, Pitch
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate
 from pinarm.mechanics.geometry.frame_pairs import Path
 from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -213,15 +212,9 @@ class Helical(LoopDefinition, frozen=True, tag_field="kind", tag="screw", kw_onl
         offset: z where the frames have the same axes [m].
     """
 
-    lead: Lead
+    lead: Pitch
     axis: Direction = "z"
     offset: Lead = 0.0
-
-    def check(self) -> None:
-        if self.lead == 0.0:
-            raise InputError(
-                "a screw of lead 0 does not advance", expected="a length other than 0", hint="kind: revolute"
-            )
 
     def pair(self) -> LowerPair:
         """Return the constraints: two distances, two angles, and ``z' - h omega_z = 0`` with h = lead / (2 pi)."""

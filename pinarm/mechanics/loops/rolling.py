@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import DynamicsError, InputError
+from pinarm.errors import DynamicsError
 from pinarm.input.yaml.schema import Span
 from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot
 from pinarm.mechanics.joints import Direction, unit_vector
@@ -35,10 +35,6 @@ class Rolling(LoopDefinition, frozen=True, tag_field="kind", tag="rolling", kw_o
     radius: Span
     axis: Direction = "y"
     normal: Direction = "z"
-
-    def check(self) -> None:
-        if not float(self.radius) > 0.0:
-            raise InputError("a wheel of radius 0 does not roll", expected="a length above 0", hint="kind: knife_edge")
 
     def pair(self) -> Wheel:
         return Wheel(float(self.radius), unit_vector(self.axis), unit_vector(self.normal))

@@ -18,7 +18,7 @@ CHAIN = ({"name": "turn", "axis": "0 1 0"}, {"name": "slide", "kind": "prismatic
 @pytest.mark.parametrize(("given", "said"), [
     ({"mu": 0.2, "static_mu": 0.1}, "friction at rest, 0.1, is below that of slip, 0.2"),
     ({"constant": 2.0, "static_constant": 1.0}, "friction at rest, 1, is below"),
-    ({"preload": -1.0}, "a preload presses"),
+    ({"preload": -1.0}, "-1 is out of bounds"),
 ])  # fmt: skip
 def test_impossible_friction_is_refused(given, said):
     with pytest.raises(InputError, match=said):
