@@ -317,10 +317,6 @@ class Constraint(ABC):
     def push_unit(self) -> Unit:
         return unit("N") if self.unit(0) == METRE else unit("N*m")
 
-    def whereabouts(self, q: Array) -> str:
-        """Return the place of a configuration, shape (nq,), along the constraint, in words; may be empty."""
-        return ""
-
     @property
     @abstractmethod
     def parts(self) -> Parts: ...

@@ -14,6 +14,7 @@ from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, Place, within
 from pinarm.input.yaml.schema import InputStruct, Level, check_unit
+from pinarm.mechanics.couplings.coupling import cams_of
 from pinarm.mechanics.joints import joint_of
 from pinarm.mechanics.laws import Motion, Over
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
@@ -97,7 +98,7 @@ def grid_of(mechanism: Mechanism, motion: JointMotion, t: Array, forces: Collect
     leaping = [law for force in forces if (law := force.law) is not None and law.leaps]
     jumps = [x for law in leaping for x in law.passages(joints, start, end)]
     jumps += [x for law in laws if leaping for x in law.breakpoints() if start < x < end]  # where a joint comes to rest
-    kinks = [x for relation in mechanism.relations for x in relation.passages(joints, start, end) if start < x < end]
+    kinks = [x for cam in cams_of(mechanism.constraints) for x in cam.passages(joints, start, end) if start < x < end]
     near = [x + side * BESIDE * (end - start) for x in kinks for side in (-1.0, 1.0)]
     rows = np.unique([*t, *(x for x in near if start < x < end)]) if near else t
     return Grid.cover(rows, laws, jumps, kinks)

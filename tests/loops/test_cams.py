@@ -228,11 +228,11 @@ class TestUndercutting:
         """Under a flat face where ``rb + s + s'' < 0``; with a roller where the pitch curve bends more than it does."""
         speed = {"O": ConstantSpeed(speed=1.0)}
         run = driven(cam(RISE, at=("0 m", "12 mm"), face="T"), speed, end=2.0, samples=200)
-        theta, s, bend = run.q[:, 0], run.q[:, 1], run.a[:, 1]
+        s, bend = run.q[:, 1], run.a[:, 1]
         (found,) = excesses(run)
         assert found.rows == (0.012 + s + bend <= 0.0).sum() > 0
-        first = np.rad2deg(theta[(0.012 + s + bend <= 0.0).argmax()])
-        assert f"cam cam is undercut: no cam has this profile with its flat face, first at O = {first:.6g} deg" in (
+        first = run.grid.t[(0.012 + s + bend <= 0.0).argmax()]
+        assert f"cam cam is undercut: no cam has this profile with its flat face, first at t = {first:.6g} s" in (
             found.words(run))  # fmt: skip
         assert not excesses(driven(cam(RISE, at=("0 m", "45 mm"), face="T"), speed, end=2.0, samples=200))
         wide = driven(cam(RISE, at=("0 m", "30 mm"), roller="T", roller_radius="29 mm"), speed, end=2.0, samples=200)
@@ -296,7 +296,7 @@ class TestBadInput:
         ({"roller": "shaft"}, "not on the follower"),
         ({"joints": ["O", "O"]}, "coupled to itself"),
         ({"period": "300 deg"}, "does not close"),
-        ({"face": "T", "normal": [0, 0, 1]}, "not across the axis"),
+        ({"face": "T", "normal": [0, 0, 1]}, "leaves the plane of the cam"),
     ])  # fmt: skip
     def test_what_is_wrong_is_said(self, cam, more, message):
         with pytest.raises((InputError, UnitError), match=message):

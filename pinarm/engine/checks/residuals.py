@@ -22,6 +22,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.coordinates import Constraint
+from pinarm.mechanics.couplings.coupling import cams_of
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.joints import RADIAN, Joint, effort_unit
 from pinarm.records import ValueRecord
@@ -346,8 +347,7 @@ def _openings(run: Trajectory, highest: Highest) -> Iterator[Excess]:
         if most <= ROUNDING * max(most, float(np.abs(pulls).max())):
             continue
         first = run.some(rows[:1]) if len(rows) else worst
-        place = f", {text}" if (text := tie.whereabouts(first.q[0])) else ""
-        where = f"first at {{where}}{place} {{count}}" if len(rows) else f"between two rows, most at {{where}}{place}"
+        where = "first at {where} {count}" if len(rows) else "between two rows, most at {where}"
         act = f"would have to {'push' if tie.kind == 'cable' else 'pull'} with {most:.6g} {tie.push_unit()}"
         sentence = f"{tie.kind} {tie.name} {act}: {tie.opens}, {where}; from there on it moves otherwise"
         at = float(first.grid.t[0])
@@ -383,9 +383,10 @@ def _slack_belts(run: Trajectory) -> Iterator[Excess]:
 
 def _flaws(run: Trajectory) -> Iterator[Excess]:
     """Yield cams that cannot be made."""
-    for tie in run.mechanism.relations:
+    for tie in cams_of(run.mechanism.constraints):
         rows = np.flatnonzero(tie.flawed(run.q))
         if len(rows):
-            sentence = f"{tie.kind} {tie.name} {tie.flaw}, first at {tie.whereabouts(run.q[rows[0]])} {{count}}"
+            flaw = f"is undercut: no cam has this profile with its {tie.known.words}"
+            sentence = f"{tie.kind} {tie.name} {flaw}, first at {{where}} {{count}}"
             count = float(len(rows))
             yield Excess(tie.name, "outline", DIMENSIONLESS, 0.0, count, *_first(run, rows), sentence)

@@ -40,7 +40,7 @@ from pinarm.errors import DynamicsError, InputError
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate, GuidedCoordinate
-from pinarm.mechanics.couplings.coupling import JointRelation
+from pinarm.mechanics.couplings.coupling import cams_of
 from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.joints import METRE, links_behind
 from pinarm.mechanics.laws.motion_law import Grid
@@ -486,8 +486,8 @@ def _require_smooth(
             f"the load '{name}' has a kink here: it is not linear on either side of it",
             expected="a state beside the kink, such as with a cable taut",
         )
-    for relation in mechanism.constraints:
-        if isinstance(relation, JointRelation) and relation.has_kink(q[None]):
+    for relation in cams_of(mechanism.constraints):
+        if relation.has_kink(q[None]):
             raise InputError(
                 f"the profile of '{relation.name}' has a kink here: its second derivative jumps",
                 expected="a state beside it, or a profile that is smooth there, such as cycloidal or polynomial",

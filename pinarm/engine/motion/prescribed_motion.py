@@ -29,6 +29,7 @@ from pinarm.engine.motion.standstill import (
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError
 from pinarm.input.units import Unit
+from pinarm.mechanics.couplings.coupling import cams_of
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw, Piece, Values
 from pinarm.records import Record, replace
@@ -250,7 +251,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
             laws += [law for force in forces for law in force.laws()]
         ends, joints = sorted((self.cuts[0], self.cuts[-1])), self._joint_laws()
         passed = [t for force in forces if force.law for t in force.law.passages(joints, *ends, knots=True)]
-        passed += [t for relation in known.mechanism.relations for t in relation.marked(joints, *ends)]
+        passed += [t for cam in cams_of(known.mechanism.constraints) for t in cam.marked(joints, *ends)]
         return distinct(np.array([*(knot for law in laws for knot in law.knots()), *passed]))
 
     def jumps_of_loads(self) -> list[float]:

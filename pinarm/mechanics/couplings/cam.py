@@ -131,17 +131,22 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
 
         p = direction(place.translation - origin)
         if follower.joint.unit == METRE:
-            if abs(follower.axis @ a) > PARALLEL:
-                raise self._not_in_plane(follower.joint, "does not slide across the axis of the cam")
-            way, sense = direction(follower.axis), 0.0
+            out, way, sense = float(abs(follower.axis @ a)), direction(follower.axis), 0.0
         else:
-            if np.linalg.norm(np.cross(follower.axis, a)) > PARALLEL:
-                raise self._not_in_plane(follower.joint, "does not turn about an axis parallel to that of the cam")
+            out = float(np.linalg.norm(np.cross(follower.axis, a)))
             sense = float(np.sign(follower.axis @ a))
             way = 1j * sense * (p - direction(follower.point - origin))
-        face = None
+        face, normal = None, np.zeros(3)
+        if self.normal is not None:
+            normal = place.rotation @ unit_vector(self.normal)
+        if max(out, float(abs(normal @ a))) > PARALLEL:
+            raise InputError(
+                f"the follower's joint {follower.joint.name}, or the normal of its face, leaves the plane of the cam",
+                expected="a follower that slides across the cam's axis, or turns about one parallel to it",
+                hint="without roller and face",
+            )
         if self.face:
-            face = self._facing(p, way if self.normal is None else direction(self._normal(a, place)))
+            face = self._facing(p, direction(normal) or way)
         shape = Follower(p, way, sense, float(self.roller_radius), face)
         senses = cam.rates[cam.joint], follower.rates[follower.joint]
         return CamContact(*pair.bodies, shape.words, lift=lift, origin=origin, axes=axes, senses=senses, follower=shape)
@@ -158,30 +163,12 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         pin.framesForwardKinematics(model, data, pin.neutral(model))
         return data.oMi[pair.carrier].actInv(data.oMf[index])
 
-    def _normal(self, axis: Array, place: pin.SE3) -> Array:
-        assert self.normal is not None
-        with within("normal"):
-            normal = place.rotation @ unit_vector(self.normal)
-            if abs(normal @ axis) > PARALLEL:
-                raise InputError(
-                    "the normal of the face is not across the axis of the cam",
-                    expected="a direction in the plane of the cam",
-                )
-        return np.asarray(normal)
-
     def _facing(self, p: complex, normal: complex) -> complex:
         distance = (np.conj(normal) * p).real / abs(normal)
         if distance == 0.0:
             with within("face"):
                 raise InputError("the face goes through the axis of the cam", expected="a face beside it")
         return complex(normal / abs(normal) * np.sign(distance))
-
-    def _not_in_plane(self, joint: Joint, what: str) -> InputError:
-        return InputError(
-            f"the follower's joint {joint.name} {what}: the contact is not known",
-            expected="a follower that moves in the plane of the cam",
-            hint="without roller and face",
-        )
 
 
 def _require_smooth(profile: MotionLaw, cam: Joint) -> None:
@@ -283,29 +270,18 @@ class CamCoupling(JointRelation, frozen=True, kw_only=True):
             return float(self.one_sided)
         return float(np.sign(contact.senses[1] * contact.outline.lever[0]))
 
-    def whereabouts(self, q: Array) -> str:
-        place, joint = float(q[self.cam_joint.q]), self.cam_joint
-        place -= 0.0 if self.profile.period == np.inf else self.profile.period * np.floor(place / self.profile.period)
-        return f"{joint.name} = {place:.6g} m" if joint.unit == METRE else f"{joint.name} = {np.rad2deg(place):.6g} deg"
-
     def flawed(self, q: Array) -> Flags:
+        """Return at which configurations, shape (n, nq), no cam has the profile with its follower, shape (n,)."""
         if (contact := self.contact) is None:
-            return super().flawed(q)
+            return np.zeros(len(q), dtype=bool)
         return contact.follower.undercut(contact.touch(q).radius)
-
-    @property
-    def flaw(self) -> str:
-        return f"is undercut: no cam has this profile with its {self.known.words}"
-
-    @property
-    def in_pieces(self) -> bool:
-        return bool(len(self._pieces.bounds))
 
     @cached_property
     def _pieces(self) -> Pieces:
         return Pieces(self.profile.marks, self.profile.period)
 
     def edges(self) -> list[Edge]:
+        """Return where pieces of the profile meet: steps of integrations end there."""
         return [Edge(partial(self._beside, place)) for place in self.profile.starts]
 
     def _beside(self, place: float, t: Array, q: Array, v: Array) -> Array:
@@ -314,6 +290,7 @@ class CamCoupling(JointRelation, frozen=True, kw_only=True):
         return away if period == np.inf else np.sin(np.pi * away / period)
 
     def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when f'' jumps where joints follow laws, by their index in v, between instants [s]."""
         law = laws.get(self.cam_joint.v)
         passed = self.profile.passed(self.profile.starts, law, start, end) if law else []
         return [t for t in passed if law and self._jumps_at(law.on(t, t)(np.array([t]))[0])]
@@ -323,6 +300,7 @@ class CamCoupling(JointRelation, frozen=True, kw_only=True):
         return [] if law is None else self.profile.passed(self.profile.marks, law, start, end)
 
     def has_kink(self, q: Array) -> bool:
+        """Return whether the row has another slope to either side of a configuration, shape (1, nq)."""
         return self._jumps_at(q[:, self.cam_joint.q])
 
     def _jumps_at(self, place: Array) -> bool:
@@ -330,7 +308,8 @@ class CamCoupling(JointRelation, frozen=True, kw_only=True):
         size = max(abs(before), *(piece.size()[2] for piece in self.profile.pieces))
         return bool(abs(after - before) > JUMP * size)
 
-    def passed(self, q: Array, v: Array) -> bool:
+    def passed(self, q: Array) -> bool:
+        """Return whether a step may have gone past a piece of the profile without having seen it; see ``Pieces``."""
         return self._pieces.passed(q[:, self.cam_joint.q])
 
     @property

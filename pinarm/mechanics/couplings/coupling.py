@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Constraint, LinearCoordinate, Parts, sum_of
@@ -21,15 +21,13 @@ from pinarm.mechanics.joints import Joint
 from pinarm.records import AbstractRecord, Record
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.forces.force_element import Edge
-    from pinarm.mechanics.laws.motion_law import MotionLaw
+    from pinarm.mechanics.couplings.cam import CamCoupling
 
 
 class JointRelation(AbstractRecord, Constraint, frozen=True):
     """An equation between joint coordinates, held by forces on the bodies that it couples; a constraint of one row.
 
-    Its multiplier is the effort at the joint whose coefficient in the row is 1. A relation in pieces, as of a cam, says
-    where these meet: steps of integrations end there; see ``ForceElement`` for ``edges``, ``marked`` and ``passed``.
+    Its multiplier is the effort at the joint whose coefficient in the row is 1.
 
     Attributes:
         transmission: The wrenches on bodies that do what the multiplier does; ``None`` where they are not known.
@@ -44,35 +42,6 @@ class JointRelation(AbstractRecord, Constraint, frozen=True):
     @property
     def parts(self) -> Parts:
         return [(1.0, self)]
-
-    @property
-    def flaw(self) -> str:
-        return ""
-
-    @property
-    def in_pieces(self) -> bool:
-        return False
-
-    def flawed(self, q: Array) -> Flags:
-        """Return at which configurations, shape (n, nq), no part of its kind can do what it says, shape (n,)."""
-        return np.zeros(len(q), dtype=bool)
-
-    def has_kink(self, q: Array) -> bool:
-        """Return whether the row has another slope to either side of a configuration, shape (1, nq)."""
-        return False
-
-    def edges(self) -> Sequence[Edge]:
-        return ()
-
-    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        """Return when one piece meets the next where joints follow laws, by their index in v, between instants [s]."""
-        return []
-
-    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        return []
-
-    def passed(self, q: Array, v: Array) -> bool:
-        return False
 
     @property
     def known(self) -> Transmission:
@@ -147,6 +116,11 @@ class Coupling(JointRelation, frozen=True, kw_only=True):
 
     def drifts_at(self, q: Array, v: Array) -> Array:
         return np.zeros(len(q))
+
+
+def cams_of(constraints: Iterable[Constraint]) -> list[CamCoupling]:
+    """Return the cams among constraints."""
+    return [cast("CamCoupling", tie) for tie in constraints if tie.kind == "cam"]
 
 
 def coupled(

@@ -169,9 +169,8 @@ def opening_remarks(stops: Sequence[Stop], events: Iterable[EventRecord]) -> lis
     for stop in (stop for stop in stops if isinstance(stop, Separation)):
         if opened := [event for event in events if event.name == stop.name + OPENED]:
             first = opened[0]
-            where = ", ".join(filter(None, (f"t = {first.t:.6g} s", stop.constraint.whereabouts(first.q))))
             often = f", {len(opened)} times" if len(opened) > 1 else ""
-            remarks.append(f"{stop.title}: {stop.constraint.opens}, first at {where}{often}")
+            remarks.append(f"{stop.title}: {stop.constraint.opens}, first at t = {first.t:.6g} s{often}")
     return remarks
 
 

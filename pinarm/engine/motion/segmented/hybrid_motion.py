@@ -29,8 +29,7 @@ from pinarm.engine.motion.segmented.segments import FINEST, OFFSET, REST, SMALL,
 from pinarm.engine.motion.systems import System
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError, Interrupted, NumericsError
-from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.forces.force_element import ForceElement, refusals
+from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import RADIAN, format_configuration
 from pinarm.records import Record, replace
 
@@ -420,13 +419,13 @@ def _sum(gap: Callable[[Array], Array], slack: float, t: Array, q: Array, v: Arr
 
 def _steps_over(hybrid: HybridSystem, system: System) -> StepsOver | None:
     forces = [force for force in hybrid.dynamics.forces.values() if force.in_pieces]
-    pieces: list[ForceElement | JointRelation] = [*forces, *hybrid.profiled]
+    cams = hybrid.profiled
 
     def passed(t: Array, q: Array, v: Array) -> bool:
-        whole = system.whole(t, q, v)
-        return any(piece.passed(*whole) for piece in pieces)
+        q, v = system.whole(t, q, v)
+        return any(force.passed(q, v) for force in forces) or any(cam.passed(q) for cam in cams)
 
-    return passed if pieces else None
+    return passed if forces or cams else None
 
 
 def _of_mechanism(watch: Watch, system: System) -> Watch:

@@ -27,7 +27,7 @@ from pinarm.engine.motion.segmented.holding import Holding
 from pinarm.engine.motion.systems import Initial, System
 from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.couplings.coupling import JointRelation
+from pinarm.mechanics.couplings.coupling import cams_of
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
 from pinarm.records import Record, ValueRecord, replace
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Method
     from pinarm.engine.motion.systems import CompletedStates
     from pinarm.engine.motion.systems.loop_system import LoopSystem
+    from pinarm.mechanics.couplings.cam import CamCoupling
     from pinarm.mechanics.friction.contact import FrictionContact
 
 
@@ -289,6 +290,6 @@ class HybridSystem(Record, frozen=True):
         return self.pushes(held, system, t, q, v)[k]
 
     @cached_property
-    def profiled(self) -> list[JointRelation]:
-        """Constraints whose rows are made of pieces, as cams are."""
-        return [part for part in self.closure.constraints if isinstance(part, JointRelation) and part.in_pieces]
+    def profiled(self) -> list[CamCoupling]:
+        """Cams whose profile is made of pieces."""
+        return [cam for cam in cams_of(self.closure.constraints) if len(cam.profile.marks)]
