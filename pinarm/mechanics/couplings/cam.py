@@ -106,13 +106,13 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
             check_unit(self.period or 0.0, first.unit)
         lift, contact = Lift(Profile.of(self.profile, self.period), first), None
         if self.roller or self.face:
-            contact = self._contact(model, member_pair(model, joints, (first, second)), lift)
+            contact = self._contact(member_pair(model, joints, (first, second)), lift)
         return CamCoupling(
             name, "cam", contact, "" if contact else "it has neither roller nor face",
             nv=model.nv, lift=lift, follower_joint=second, one_sided=self.closed_by == "force",
         )  # fmt: skip
 
-    def _contact(self, model: pin.Model, pair: MemberPair, lift: Lift) -> CamContact:
+    def _contact(self, pair: MemberPair, lift: Lift) -> CamContact:
         cam, follower, a = pair.first, pair.second, pair.first.axis
         if cam.joint.unit != RADIAN:
             raise InputError(
@@ -120,7 +120,7 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
                 expected="a cam that turns",
                 hint="without roller and face",
             )
-        place = self._place(model, pair)
+        place = self._place(pair)
         origin = cam.point + a * (a @ (place.translation - cam.point))
         across = np.cross(a, np.eye(3)[np.abs(a).argmin()])
         across /= np.linalg.norm(across)
@@ -151,16 +151,15 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         senses = cam.rates[cam.joint], follower.rates[follower.joint]
         return CamContact(*pair.bodies, shape.words, lift=lift, origin=origin, axes=axes, senses=senses, follower=shape)
 
-    def _place(self, model: pin.Model, pair: MemberPair) -> pin.SE3:
+    def _place(self, pair: MemberPair) -> pin.SE3:
         with within("roller" if self.roller else "face"):
-            index = frame_of(model, self.roller or self.face)
+            index, model = frame_of(pair.state.model, self.roller or self.face), pair.state.model
             if model.frames[index].parentJoint != pair.second.body:
                 raise InputError(
                     f"the link {self.roller or self.face} is not on the follower, which {pair.second.joint.name} moves",
                     expected="a link of the follower",
                 )
-        data = model.createData()
-        pin.framesForwardKinematics(model, data, pin.neutral(model))
+        data = pair.state.data
         return data.oMi[pair.carrier].actInv(data.oMf[index])
 
     def _facing(self, p: complex, normal: complex) -> complex:

@@ -86,7 +86,7 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
                 expected="a belt between parallel axes",
                 hint="kind: gear, with a ratio",
             )
-        strands = None if self.pretension is None else self._strands(model, pair, float(self.pretension))
+        strands = None if self.pretension is None else self._strands(pair, float(self.pretension))
         weights, missing = pair.weights(self._ratio(pair)), "it has no pretension"
         return coupled(model, joints, name, "belt", weights, float(self.offset), strands, missing)
 
@@ -99,10 +99,10 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         first, second = self._signed_radii(pair)
         return first / second * float(np.sign(pair.first.axis @ pair.second.axis))
 
-    def _strands(self, model: pin.Model, pair: MemberPair, pretension: float) -> Strands:
+    def _strands(self, pair: MemberPair, pretension: float) -> Strands:
         """Return the strands: tangents of both wheels, with normals n where ``n . (O2 - O1) = r1 - r2``."""
         a, (r1, r2) = pair.first.axis, self._signed_radii(pair)
-        height = plane_of(model, pair, self.plane)
+        height = plane_of(pair, self.plane)
         first, second = (x.point + a * (height - a @ x.point) for x in (pair.first, pair.second))
         distance = float(np.linalg.norm(second - first))
         if distance <= abs(r1 - r2):
@@ -193,7 +193,7 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
             pair = self._pair(joints, model, (first, second))
         if pair is not None and self.carrier:
             weights = pair.weights(pair.inner_ratio(self.ratio))
-        known, missing = None if pair is None else self._transmission(model, pair), "it has no pressure_angle"
+        known, missing = None if pair is None else self._transmission(pair), "it has no pressure_angle"
         return coupled(model, joints, name, "gear", weights, float(self.offset), known, missing)
 
     def _pair(self, joints: Mapping[str, Joint], model: pin.Model, pair: tuple[Joint, Joint]) -> MemberPair:
@@ -210,11 +210,11 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
             )
         return member_pair(model, joints, pair, carrier)
 
-    def _transmission(self, model: pin.Model, pair: MemberPair) -> Transmission | None:
+    def _transmission(self, pair: MemberPair) -> Transmission | None:
         ratio = pair.inner_ratio(self.ratio)
         if self.pressure_angle is not None:
             teeth = Teeth(self.pressure_angle, self.helix_angle, self.plane)
-            return wheels_in_mesh(model, pair, ratio, teeth)
+            return wheels_in_mesh(pair, ratio, teeth)
         return None if self.planets is None else _moments(pair, ratio, self.planets)
 
 
@@ -251,7 +251,7 @@ class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):
         if self.pressure_angle is not None:
             pair = member_pair(model, joints, (turns, slides))
             teeth = Teeth(self.pressure_angle, self.helix_angle, self.plane)
-            contact = pinion_on_rack(model, pair, pair.inner_ratio(self.radius), teeth)
+            contact = pinion_on_rack(pair, pair.inner_ratio(self.radius), teeth)
         missing = "it has no pressure_angle"
         return coupled(model, joints, name, "rack", weights, float(self.offset), contact, missing)
 

@@ -22,7 +22,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.mechanics.couplings.transmissions import NEWTON, Part, PitchSurfaces, ToothContact, at_origin
 from pinarm.mechanics.geometry.frame_pairs import Path
-from pinarm.mechanics.geometry.kinematics import new_data
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import METRE, PARALLEL, RADIAN, Joint, frame_of
 from pinarm.records import Record
 
@@ -51,9 +51,11 @@ class MemberPair(Record, frozen=True):
     """Two members on one carrier. Their angles or ways there are s1 and s2.
 
     Attributes:
+        state: The mechanism at the neutral configuration.
         carrier: Index of the joint that moves the carrier; 0 for the ground.
     """
 
+    state: Kinematics
     carrier: int
     first: Member
     second: Member
@@ -90,9 +92,10 @@ def member_pair(
     carries the other. The member of the latter joint is then what that joint stands on, such as a fixed ring.
     """
     first, second = pair
-    bodies = (carrier.index, first.index, second.index) if carrier is not None else _bodies(model, first, second)
-    frames = _AxesAtNeutral(model, {joint.index: joint for joint in joints.values()}, bodies[0])
-    return MemberPair(bodies[0], frames.member(bodies[1], first), frames.member(bodies[2], second))
+    own, *bodies = (carrier.index, first.index, second.index) if carrier else _bodies(model, first, second)
+    state, by_index = Kinematics.at(model, pin.neutral(model)), {joint.index: joint for joint in joints.values()}
+    members = (_member(state, by_index, own, body, joint) for body, joint in zip(bodies, pair, strict=True))
+    return MemberPair(state, own, *members)
 
 
 def _bodies(model: pin.Model, first: Joint, second: Joint) -> tuple[int, int, int]:
@@ -110,47 +113,33 @@ def _bodies(model: pin.Model, first: Joint, second: Joint) -> tuple[int, int, in
     )
 
 
-class _AxesAtNeutral:
-    """Axes of joints in the frame of a carrier, at the neutral configuration."""
+def _line(state: Kinematics, carrier: int, joint: Joint) -> tuple[Array, Array]:
+    """Return the axis of a joint and the origin of its frame [m] in the frame of a carrier, shape (3,) each."""
+    own, column = state.data.oMi[carrier], state.data.J.reshape(6, -1)[:, joint.v]
+    axis = own.rotation.T @ (column[:3] if joint.unit == METRE else column[3:])
+    return np.asarray(axis), np.asarray(own.actInv(state.data.oMi[joint.index].translation))
 
-    def __init__(self, model: pin.Model, joints: Mapping[int, Joint], carrier: int) -> None:
-        self.model, self.joints, self.carrier = model, joints, carrier
-        self.data = new_data(model)
-        self.columns = np.asarray(
-            pin.computeJointJacobians(model, self.data, pin.neutral(model)), dtype=np.float64
-        ).reshape(6, -1)
 
-    def axis(self, joint: Joint) -> Array:
-        part = self.columns[:3, joint.v] if joint.unit == METRE else self.columns[3:, joint.v]
-        return np.asarray(self.data.oMi[self.carrier].rotation.T @ part)
-
-    def origin(self, joint: Joint) -> Array:
-        """Return the origin of a joint's frame [m]."""
-        return np.asarray(self.data.oMi[self.carrier].actInv(self.data.oMi[joint.index].translation))
-
-    def member(self, body: int, joint: Joint) -> Member:
-        """Return a member; every joint between it and the carrier must move about the axis of the joint named."""
-        axis, point, rates = self.axis(joint), self.origin(joint), dict[Joint, float]()
-        for index, way in Path.of_joints(self.model, self.carrier, body).senses:
-            step = self.joints.get(index)
-            if step is None or not self._same_axis(step, joint):
-                between = self.model.names[index]
-                raise InputError(
-                    f"the member at {joint.name} does not move about one axis in its carrier: {between} lies between",
-                    expected="joints about, or along, the same axis only",
-                    hint="another carrier",
-                )
-            rates[step] = way * float(np.sign(axis @ self.axis(step)))
-        if joint not in rates:
-            raise InputError(f"{joint.name} does not move a member in the carrier", expected="another carrier")
-        return Member(body, joint, axis, point, rates)
-
-    def _same_axis(self, joint: Joint, other: Joint) -> bool:
-        axis, apart = self.axis(other), self.origin(joint) - self.origin(other)
-        if joint.unit != other.unit or np.linalg.norm(np.cross(axis, self.axis(joint))) > PARALLEL:
-            return False
+def _member(state: Kinematics, joints: Mapping[int, Joint], carrier: int, body: int, joint: Joint) -> Member:
+    """Return a member; every joint between it and the carrier must move about the axis of the joint named."""
+    (axis, point), rates = _line(state, carrier, joint), dict[Joint, float]()
+    for index, way in Path.of_joints(state.model, carrier, body).senses:
+        step = joints.get(index)
+        other, origin = (axis, point) if step is None else _line(state, carrier, step)
+        apart = origin - point
         slack = IN_LINE * max(1.0, float(np.linalg.norm(apart)))
-        return joint.unit == METRE or bool(np.linalg.norm(np.cross(axis, apart)) <= slack)
+        off = 0.0 if joint.unit == METRE else float(np.linalg.norm(np.cross(axis, apart)))
+        if step is None or step.unit != joint.unit or np.linalg.norm(np.cross(axis, other)) > PARALLEL or off > slack:
+            between = state.model.names[index]
+            raise InputError(
+                f"the member at {joint.name} does not move about one axis in its carrier: {between} lies between",
+                expected="joints about, or along, the same axis only",
+                hint="another carrier",
+            )
+        rates[step] = way * float(np.sign(axis @ other))
+    if joint not in rates:
+        raise InputError(f"{joint.name} does not move a member in the carrier", expected="another carrier")
+    return Member(body, joint, axis, point, rates)
 
 
 class Teeth(NamedTuple):
@@ -206,40 +195,34 @@ def _contact(
     )  # fmt: skip
 
 
-def wheels_in_mesh(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
+def wheels_in_mesh(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
     """Return the contact of two wheels, about parallel axes or about axes that meet."""
     a, b = pair.first.axis, pair.second.axis
     if np.linalg.norm(np.cross(a, b)) <= PARALLEL:
-        return _cylindrical(model, pair, inner_ratio, teeth)
-    return _bevel(model, pair, inner_ratio, teeth)
+        return _cylindrical(pair, inner_ratio, teeth)
+    return _bevel(pair, inner_ratio, teeth)
 
 
-def _cylindrical(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
+def _cylindrical(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
     """Return the contact of wheels about parallel axes: ``a x (P - A) = i b x (P - B)`` in the plane of the teeth."""
     first, second, a = pair.first, pair.second, pair.first.axis
     ratio = inner_ratio * float(np.sign(a @ second.axis))
     apart = _across(a, second.point - first.point)
     distance = float(np.linalg.norm(apart))
-    if distance <= IN_LINE:
+    if min(distance, abs(1.0 - ratio)) <= IN_LINE:
         raise InputError(
-            f"the axes of {first.joint.name} and {second.joint.name} coincide: wheels on one axis do not mesh",
-            expected="parallel axes at a distance",
-            hint="planets: 3, for evenly spaced planets between them",
+            f"{first.joint.name} and {second.joint.name} have one axis, or turn alike: such wheels do not mesh",
+            expected="parallel axes at a distance, and a ratio other than 1",
+            hint="planets: 3, for evenly spaced planets between wheels on one axis; kind: belt",
         )
-    if abs(1.0 - ratio) <= IN_LINE:
-        raise InputError(
-            f"{first.joint.name} and {second.joint.name} turn alike: such wheels do not mesh",
-            expected="another ratio, or a carrier",
-            hint="kind: belt",
-        )
-    height = plane_of(model, pair, teeth.plane)
+    height = plane_of(pair, teeth.plane)
     axial = first.point + a * (height - a @ first.point)
     at = axial - apart * ratio / (1.0 - ratio)
     kind = "external" if ratio < 0.0 else "internal"
     return _rolling(pair, teeth, f"{kind} teeth, pitch radii {{0:.6g}} mm and {{1:.6g}} mm", at, a)
 
 
-def _bevel(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
+def _bevel(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
     """Return the contact of straight bevel wheels; the pitch line runs through the meeting point of the axes."""
     first, second = pair.first, pair.second
     a, b, names = first.axis, second.axis, f"{first.joint.name} and {second.joint.name}"
@@ -254,12 +237,12 @@ def _bevel(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth)
         raise InputError(f"the axes of {names} meet: bevel wheels are straight here", expected="no helix_angle")
     apex = first.point + a * float(np.cross(apart, b) @ across / (across @ across))
     line = (a - inner_ratio * b) / np.linalg.norm(a - inner_ratio * b)
-    place = _link_in_carrier(model, pair, teeth.plane, "the axes meet: the place along the teeth is not known")
+    place = _link_in_carrier(pair, teeth.plane, "the axes meet: the place along the teeth is not known")
     at = apex + line * float(line @ (place - apex))
     if np.linalg.norm(at - place) > IN_LINE * max(1.0, float(np.linalg.norm(place))) or np.allclose(at, apex):
         raise InputError(
             f"{teeth.plane} is {np.linalg.norm(at - place):.3g} m off the pitch line of {names}",
-            expected=f"a link on the line from ({_numbers(apex)}) along ({_numbers(line)}), in the carrier's frame",
+            expected=f"a link on the line from {apex.round(6)} along {line.round(6)}, in the carrier's frame",
         )
     cones = [np.arccos(np.clip(abs(line @ axis), 0.0, 1.0)) for axis in (a, b)]
     words = f"bevel teeth, pitch cone angles {np.rad2deg(cones[0]):.6g} deg and {np.rad2deg(cones[1]):.6g} deg"
@@ -298,7 +281,7 @@ def _rolling(
     )
 
 
-def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Teeth) -> ToothContact:
+def pinion_on_rack(pair: MemberPair, radius: float, teeth: Teeth) -> ToothContact:
     """Return the contact of a pinion and a rack: ``radius`` is the way of the rack per angle, with its sign."""
     pinion, a, slide = pair.first, pair.first.axis, pair.second.axis
     if abs(a @ slide) > PARALLEL:
@@ -307,7 +290,7 @@ def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Tee
             expected="a rack that slides across the axis of its pinion",
             hint="kind: screw",
         )
-    height = plane_of(model, pair, teeth.plane)
+    height = plane_of(pair, teeth.plane)
     lever = radius * np.cross(slide, a)
     at = pinion.point + a * (height - a @ pinion.point) + lever
     return _contact(
@@ -316,11 +299,11 @@ def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Tee
     )  # fmt: skip
 
 
-def plane_of(model: pin.Model, pair: MemberPair, link: str) -> float:
+def plane_of(pair: MemberPair, link: str) -> float:
     """Return where the middle of the teeth is along the first axis [m]."""
     first, second, a = pair.first, pair.second, pair.first.axis
     if link:
-        return float(a @ _link_in_carrier(model, pair, link, ""))
+        return float(a @ _link_in_carrier(pair, link, ""))
     shift = abs(float(a @ (second.point - first.point)))
     if second.joint.unit == first.joint.unit and shift > IN_LINE:
         raise InputError(
@@ -331,11 +314,12 @@ def plane_of(model: pin.Model, pair: MemberPair, link: str) -> float:
     return float(a @ first.point)
 
 
-def _link_in_carrier(model: pin.Model, pair: MemberPair, link: str, otherwise: str) -> Array:
+def _link_in_carrier(pair: MemberPair, link: str, otherwise: str) -> Array:
     """Return the origin of a link of the carrier or of a member in the carrier's frame, where q is neutral."""
     with within("plane"):
         if not link:
             raise InputError(otherwise, expected="plane: a link of the carrier in the middle of the teeth")
+        model, data = pair.state.model, pair.state.data
         index = frame_of(model, link)
         bodies = {pair.carrier, *(joint.body for joint in (pair.first, pair.second) if _turns(joint))}
         if model.frames[index].parentJoint not in bodies:
@@ -343,8 +327,6 @@ def _link_in_carrier(model: pin.Model, pair: MemberPair, link: str, otherwise: s
                 f"the link {link} belongs neither to a wheel nor to what carries the wheels",
                 expected="a link fixed to one of them",
             )
-    data = new_data(model)
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
     return np.asarray(data.oMi[pair.carrier].actInv(data.oMf[index].translation))
 
 
@@ -354,7 +336,3 @@ def _turns(member: Member) -> bool:
 
 def _across(axis: Array, vector: Array) -> Array:
     return np.asarray(vector - axis * (axis @ vector))
-
-
-def _numbers(vector: Array) -> str:
-    return ", ".join(f"{x:.6g}" for x in vector)

@@ -208,7 +208,7 @@ class TestPlanetary:
 
 
 REFUSED = {
-    "coincide": (gear("sun", "ring", -0.4, carrier="arm"), "the axes of sun and ring coincide"),
+    "coincide": (gear("sun", "ring", -0.4, carrier="arm"), "sun and ring have one axis"),
 
 
     "skew": (gear("sun", "skew", 2.0, plane="middle"), "the axes of sun and skew are skew"),
