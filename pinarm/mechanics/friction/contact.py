@@ -86,14 +86,7 @@ class Bearing(Record, frozen=True):
 
     @classmethod
     def guide(cls, axis: Array, radius: float = 0.0, span: float = 0.0, preload: float = 0.0) -> Bearing:
-        """Return the guides of a joint that slides; see ``journal``.
-
-        Args:
-            axis: Unit vector, shape (3,).
-            radius: Lever of the key that carries the moment about the axis [m].
-            span: Distance between two guides [m]; one where it is 0.
-            preload: Normal force that is always there [N].
-        """
+        """Return the guides of a joint that slides; see ``journal``. ``radius`` is the lever of their key [m]."""
         key = [_component(np.concatenate([np.zeros(3), axis]), 1.0 / radius)] if radius else []
         return cls(np.array([*_radial(axis, span), *key]), preload)
 

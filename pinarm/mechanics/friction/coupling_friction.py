@@ -31,7 +31,7 @@ torque is turned by any load: such a gear never locks.
 
 from __future__ import annotations
 
-from math import atan, cos, sin, tan, tanh
+from math import atan, cos, sin, sqrt, tan, tanh
 
 import numpy as np
 
@@ -234,38 +234,29 @@ class ToothMesh(Record, frozen=True):
 
     Attributes:
         teeth: z1.
+        section_angle: alpha_t, the pressure angle across the pitch line [rad].
+        base_pitch: p, the distance of the flanks along the line of action [m].
+        contact_ratios: e1 and e2: ``(sqrt((r + m)^2 - (r cos alpha_t)^2) - r sin alpha_t) / p`` with the addendum m,
+            multiplied out, so that it holds for a rack, ``1/r = 0``, and inner teeth, ``1/r < 0``, too.
     """
 
     teeth: int
     surfaces: PitchSurfaces
+    section_angle: float
+    base_pitch: float
+    contact_ratios: tuple[float, float]
 
-    @property
-    def addendum(self) -> float:
-        """Normal module of the teeth [m]."""
-        return 2.0 * self.surfaces.radii[0] / self.teeth * float(np.cos(self.surfaces.helix_angle))
-
-    @property
-    def pressure_angle(self) -> float:
-        """alpha_t, across the pitch line [rad]."""
-        return float(np.arctan(np.tan(self.surfaces.pressure_angle) / np.cos(self.surfaces.helix_angle)))
-
-    @property
-    def base_pitch(self) -> float:
-        """Distance p of the flanks along the line of action [m]."""
-        return 2.0 * float(np.pi * self.surfaces.radii[0] / self.teeth * np.cos(self.pressure_angle))
-
-    @property
-    def contact_ratios(self) -> tuple[float, float]:
-        """e1 and e2: ``(sqrt((r + m)^2 - (r cos alpha_t)^2) - r sin alpha_t) / p`` with the addendum m.
-
-        Multiplied out, so that it holds for a rack, ``1/r = 0``, and inner teeth, ``1/r < 0``, too.
-        """
-        sine, m = float(np.sin(self.pressure_angle)), self.addendum
+    @classmethod
+    def of(cls, teeth: int, surfaces: PitchSurfaces) -> ToothMesh:
+        """Return the mesh of a member with a number of teeth."""
+        angle = atan(tan(surfaces.pressure_angle) / cos(surfaces.helix_angle))
+        module = 2.0 * surfaces.radii[0] / teeth
+        pitch, sine, m = np.pi * module * cos(angle), sin(angle), module * cos(surfaces.helix_angle)
         first, second = (
-            (2.0 * m + m * m * k) / (np.sqrt(max(sine**2 + 2.0 * m * k + (m * k) ** 2, 0.0)) + sine)
-            for k in self.surfaces.curvatures
+            (2.0 * m + m * m * k) / (sqrt(max(sine**2 + 2.0 * m * k + (m * k) ** 2, 0.0)) + sine) / pitch
+            for k in surfaces.curvatures
         )
-        return float(first / self.base_pitch), float(second / self.base_pitch)
+        return cls(teeth, surfaces, angle, pitch, (first, second))
 
     @property
     def mean_distance(self) -> float:
@@ -291,7 +282,7 @@ class ToothMesh(Record, frozen=True):
                 expected="numbers of teeth that have the ratio of the gear",
             )
         e1, e2 = self.contact_ratios
-        foot1, foot2 = (np.sin(self.pressure_angle) / k if k > 0.0 else np.inf for k in self.surfaces.curvatures)
+        foot1, foot2 = (sin(self.section_angle) / k if k > 0.0 else np.inf for k in self.surfaces.curvatures)
         if e1 + e2 < 1.0 or e2 * self.base_pitch > foot1 or e1 * self.base_pitch > foot2:
             mates = f"{round(other)} teeth" if np.isfinite(other) else "a rack"
             raise InputError(
@@ -314,7 +305,7 @@ def tooth_friction(coupling: Coupling, teeth: int) -> tuple[Bearing, CoupledSlip
             f"the teeth of the {coupling.kind} '{coupling.name}' are not known",
             expected="a gear or a rack with its pressure_angle",
         )
-    mesh = ToothMesh(teeth, known.surfaces)
+    mesh = ToothMesh.of(teeth, known.surfaces)
     with within("teeth"):
         mesh.check()
     weights = np.zeros(len(coupling.coordinate.weights))

@@ -32,7 +32,6 @@ from pinarm.mechanics.geometry.pairs import LowerPair, TiedFrames
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import Thread
-from pinarm.records import replace
 
 SLIPS = {"revolute": RADIAN, "pin": RADIAN, "prismatic": METRE}
 """Kinds of loop joints that have friction, and the unit of what they leave free."""
@@ -146,16 +145,12 @@ class Friction(InputStruct, frozen=True):
         return self._of_loop(constraint) if isinstance(constraint, LoopJoint) else (self._of_coupling(constraint),)
 
     def _contact(
-        self,
-        of: int | LoopJoint | JointRelation,
-        name: str,
-        measured: Unit,
-        bearing: Bearing,
-        slip: Slip,
-        part: str = "",
-    ) -> FrictionContact:
-        shared = self.undetermined == "minimum_norm"
-        return FrictionContact(name, _effort(measured), self._law(measured), bearing, slip, of, shared, part)
+        self, of: int | LoopJoint | JointRelation, name: str, measured: Unit, bearing: Bearing, slip: Slip,
+        part: str = "", law: FrictionLaw | None = None,
+    ) -> FrictionContact:  # fmt: skip
+        law, shared = law or self._law(measured), self.undetermined == "minimum_norm"
+        loading = bearing if law.loaded else Bearing.none()
+        return FrictionContact(name, _effort(measured), law, loading, slip, of, shared, part)
 
     def _of_joint(
         self, model: pin.Model, name: str, index: int, v: int, measured: Unit, bearing: Bearing, part: str = ""
@@ -168,10 +163,7 @@ class Friction(InputStruct, frozen=True):
 
     def _socket(self, name: str) -> Bearing:
         self._check_sizes("a ball joint")
-        if not (self.mu or self.static_mu):
-            return Bearing.none()
-        radius = self._given_radius(f"mu of the ball joint '{name}' needs the radius of its ball")
-        return Bearing.ball(radius, float(self.preload))
+        return Bearing.ball(self._radius(f"mu of the ball joint '{name}' needs the radius of its ball"), self.preload)
 
     def _of_coupling(self, relation: JointRelation) -> FrictionContact:
         """Return the friction of a screw between two joints, of a worm and its wheel, of teeth, a belt, or a cam."""
@@ -188,7 +180,7 @@ class Friction(InputStruct, frozen=True):
         if relation.kind == "belt":
             self._check_sizes("a belt")
             law, slip = coupling_friction.belt_grip(relation, self._law(METRE))
-            return replace(self._contact(relation, name, METRE, Bearing.none(), slip), law=law)
+            return self._contact(relation, name, METRE, Bearing.none(), slip, law=law)
         if self.teeth is not None:
             self._check_sizes("teeth")
             return self._contact(relation, name, METRE, *coupling_friction.tooth_friction(relation, self.teeth))
@@ -200,7 +192,7 @@ class Friction(InputStruct, frozen=True):
         self._check_sizes("a screw" if coupling.kind == "screw" else "a worm")
         weights, places = coupling.coordinate.weights, coupling.coordinate.places
         first, second = _coupled(weights, coupling.name)
-        ratio, radius, wheel = -float(weights[first]), self._given_radius(THREAD.format(coupling.name)), 1.0
+        ratio, radius, wheel = -float(weights[first]), self._radius(THREAD.format(coupling.name), always=True), 1.0
         if coupling.kind != "screw":
             if self.lead_angle is None:
                 raise InputError(
@@ -227,10 +219,11 @@ class Friction(InputStruct, frozen=True):
                     f"friction of {part} has no {unused[0]}", expected=", ".join(["mu", "static_mu", *SIZES[part]])
                 )
 
-    def _given_radius(self, need: str) -> float:
-        if not self.radius:
+    def _radius(self, need: str, *, always: bool = False) -> float:
+        """Return the radius [m], which friction that depends on a load, or any, needs; 0 where it is left out."""
+        if not self.radius and (always or self.mu or self.static_mu):
             raise InputError(need, expected="radius: 12 mm")
-        return float(self.radius)
+        return float(self.radius or 0.0)
 
     def _of_loop(self, loop: LoopJoint) -> tuple[FrictionContact, ...]:
         """Return the components of the friction of a loop joint, with their directions in the first frame."""
@@ -240,16 +233,18 @@ class Friction(InputStruct, frozen=True):
             from pinarm.mechanics.friction.coupling_friction import ThreadGeometry
 
             self._check_sizes("a screw")
-            radius = self._given_radius(THREAD.format(loop.name))
+            radius = self._radius(THREAD.format(loop.name), always=True)
             thread = ThreadGeometry(radius, pair.rotation.pitch, float(self.flank))
             turning, sliding = thread.along
             rows, measured, bearing = {"": (sliding * axis, turning * axis)}, METRE, Bearing.thread(axis, thread.lever)
         elif loop.kind == "cylindrical":
             self._check_sizes("a cylindrical joint")
             need = f"friction of the cylindrical joint '{loop.name}' needs the radius at which it slips"
-            rows, measured = {"tangential": (none, self._given_radius(need) * axis), "axial": (axis, none)}, METRE
-            guide = Bearing.guide(axis, 0.0, float(self.span or 0.0), float(self.preload))
-            bearing = guide if self.mu or self.static_mu else Bearing.none()
+            rows, measured = (
+                {"tangential": (none, self._radius(need, always=True) * axis), "axial": (axis, none)},
+                METRE,
+            )
+            bearing = Bearing.guide(axis, 0.0, float(self.span or 0.0), float(self.preload))
         elif loop.kind == "spherical":
             rows, measured = {part: (none, about) for part, about in zip("xyz", np.eye(3), strict=True)}, RADIAN
             bearing = self._socket(loop.name)
@@ -279,14 +274,12 @@ class Friction(InputStruct, frozen=True):
         return FrictionLaw(self.mu, static_mu, *map(float, numbers))
 
     def _bearing(self, axis: Array, *, turns: bool) -> Bearing:
-        radius, thrust_radius, span = (float(x or 0.0) for x in (self.radius, self.thrust_radius, self.span))
         self._check_sizes("a joint that turns" if turns else "a joint that slides")
-        if not (self.mu or self.static_mu):
-            return Bearing.none()
+        thrust_radius, span, preload = (float(x or 0.0) for x in (self.thrust_radius, self.span, self.preload))
         if not turns:
-            return Bearing.guide(axis, radius, span, float(self.preload))
-        journal = self._given_radius("mu of a joint that turns needs the radius of its journal")
-        return Bearing.journal(axis, journal, thrust_radius, span, float(self.preload))
+            return Bearing.guide(axis, float(self.radius or 0.0), span, preload)
+        journal = self._radius("mu of a joint that turns needs the radius of its journal")
+        return Bearing.journal(axis, journal, thrust_radius, span, preload)
 
 
 def _effort(measured: Unit) -> Unit:

@@ -15,7 +15,7 @@ def mesh(z1, z2, beta=0.0):
     """Return the mesh of wheels with the normal module, inner teeth negative, or of a wheel and a rack."""
     r1, r2 = 0.5 * MODULE * z1 / np.cos(beta), 0.5 * MODULE * z2 / np.cos(beta)
     curvatures = 1.0 / r1, 1.0 / r2
-    return ToothMesh(abs(z1), PitchSurfaces(np.zeros(3), {}, (abs(r1), abs(r2)), curvatures, ALPHA, beta))
+    return ToothMesh.of(abs(z1), PitchSurfaces(np.zeros(3), {}, (abs(r1), abs(r2)), curvatures, ALPHA, beta))
 
 
 def mean_distance(z1, z2):
