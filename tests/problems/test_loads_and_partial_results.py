@@ -105,7 +105,7 @@ def test_a_torque_is_switched_on_and_off(arm):
     assert run.v[:, 0] == pytest.approx(speed, abs=1e-13)
     assert run.q[:, 0] == pytest.approx(angle, abs=1e-13)
     assert run.a[t == 2.0, 0] * INERTIA == pytest.approx([4.0, -7.0], abs=1e-13)
-    assert outcome.figures["energy"] < 1e-13
+    assert outcome.measures()["energy"] < 1e-13
 
 
 @pytest.mark.parametrize("accuracy", [Accuracy(method="rk4", step=0.01), Accuracy()], ids=["rk4", "dop853"])

@@ -148,6 +148,8 @@ class _Part:
         with suppress(AssemblyError, InputError):
             if (end := self._followed(begun, direct)) is None:
                 error = None  # from a singular position the search for a direct one tells nothing
+        if end is None and direct is not None and self._dependent(direct):
+            end = direct  # of more values than freedoms, which belong to one position
         if end is None:
             if direct is None or near is None:
                 raise error or self._undecided(direct)
@@ -162,6 +164,11 @@ class _Part:
             notes.append(f"the first position has {self._named(over)} beyond the limits")
         said = "; ".join(notes)
         return Assembly(end, (f"assembly: {said}. start: chooses another",) if said else ())
+
+    def _dependent(self, q: Array) -> bool:
+        """Tell whether the loops and some of the prescribed coordinates determine the motion of others."""
+        rank, own = (closure.split_at(q).rank for closure in (self.solver.whole, self.closure))
+        return bool(rank < own + len(self.prescribed.names))
 
     def beyond(self, q: Array, start: Array) -> list[int]:
         """Return the joints that are beyond their limits; not those that a given start, other than 0, has there."""
