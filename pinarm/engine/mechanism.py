@@ -18,7 +18,7 @@ from msgspec.structs import replace as replace_fields
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import massive
+from pinarm.engine.dynamics.equation import massive
 from pinarm.errors import Place, nowhere
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import file_root, root_of

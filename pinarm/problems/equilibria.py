@@ -18,7 +18,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import MASSLESS
+from pinarm.engine.dynamics.equation import MASSLESS
 from pinarm.engine.friction.columns import BANDS, own_effort
 from pinarm.engine.kinematics.assembly import OPEN, start_near
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion

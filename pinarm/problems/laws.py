@@ -22,7 +22,7 @@ from pinarm.problems.values import Weight, weights_of
 
 if TYPE_CHECKING:
     from pinarm.arrays import Array
-    from pinarm.engine.kinematics.free_pull import Posture
+    from pinarm.engine.kinematics.redundancy import Posture
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.mechanics.joints import Joint
 
@@ -135,7 +135,7 @@ class NearestPosture(InputStruct, frozen=True):
     within: Literal["limits"] | dict[str, tuple[Level, Level]] = {}
 
     def posture(self, mechanism: Mechanism, followed: Mapping[str, MotionLaw]) -> Posture:
-        from pinarm.engine.kinematics.free_pull import Posture
+        from pinarm.engine.kinematics.redundancy import Posture
         from pinarm.mechanics.ball_joints import coordinate_name
 
         model, target, weights = mechanism.model, *np.zeros((2, mechanism.model.nv))

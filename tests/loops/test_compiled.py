@@ -12,8 +12,7 @@ from test_accelerations import random_linkage
 
 import pinarm
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.equation import mass_matrix, solve
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.library import SkylineStructure, absence, library, pointer
 from pinarm.engine.kernel.tree import links_of

@@ -60,7 +60,7 @@ class TestCouplerWithoutMass:
 
     @CUTS
     def test_where_it_can_spin_this_is_said(self, cut, tmp_path):
-        with pytest.raises(DynamicsError, match=r"joints .*[AB]_[abc].* can move without mass, carrying .*coupler"):
+        with pytest.raises(DynamicsError, match=r"joints .*[AB]_[abc].* can move without mass"):
             free(light("spherical").build(tmp_path, [cut]))
 
 

@@ -17,7 +17,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.balance import SAMPLE, relative, sampled
 from pinarm.engine.constraints.constraint_rows import one_sided
 from pinarm.engine.constraints.nullspace import RANK, UNCLOSED
-from pinarm.engine.dynamics.mass_matrix import MASSLESS, NOTHING
+from pinarm.engine.dynamics.equation import MASSLESS, NOTHING
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
 from pinarm.input.units import DIMENSIONLESS, Unit, unit

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, as_rows, same_rows
-from pinarm.engine.dynamics import mass_matrix
+from pinarm.engine.dynamics import equation
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.kinematics import WIDE, cached_by_model, new_data, require_depth_first
 from pinarm.mechanics.geometry.link_placements import speeding
@@ -84,8 +84,8 @@ def _aba(model: pin.Model, data: pin.Data, q: Array, v: Array, tau: Array) -> Ar
 def mass_matrices(model: Model, q: Array) -> Array:
     """Return M at configurations, shape (n, .., nq), as an array of shape (n, .., nv, nv); armatures are in it."""
     if not isinstance(model, ModelVariants):
-        return mass_matrix.mass_matrices(model, q)
-    return _of_variants(model, lambda pool, rows: mass_matrix.mass_matrices(pool.getModel(0), rows), q)
+        return equation.mass_matrices(model, q)
+    return _of_variants(model, lambda pool, rows: equation.mass_matrices(pool.getModel(0), rows), q)
 
 
 def _of_variants(variants: ModelVariants, call: Callable[..., Array], *arrays: Array) -> Array:

@@ -1,8 +1,9 @@
-"""Friction in the tables of a run: friction of joints, and bands of efforts at rest."""
+"""State of friction between two switches, and friction in the tables of a run: of joints, and bands of efforts."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +13,13 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import METRE, Joint
-from pinarm.records import Record, replace
+from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.engine.statics.actuation import Actuation
     from pinarm.mechanics.friction.contact import FrictionContact
+
 
 BANDS = ("lower", "upper")
 """Parts of a band: the efforts that begin to move a drive's coordinate down and up."""
@@ -86,3 +88,45 @@ def with_friction_columns(row: Trajectory, drives: Actuation) -> Trajectory:
     sides = [band.side(part, np.zeros(len(row))) for band in bands for part in BANDS]
     friction = friction_columns(mechanism.frictions, np.zeros((len(row), len(mechanism.frictions))))
     return replace(row, columns={**row.columns, **friction, **{side.name: side for side in sides}})
+
+
+class SlipGroup(Record, frozen=True):
+    """Slips that can only take place together, such as those of the pins of a four-bar linkage.
+
+    Attributes:
+        ratios: c, slips per slip of the first member, 0 of slips that are no members, shape (k,).
+        units: Directions of the members as the first one slips forwards: 1 or -1, or components of a unit vector; 0 of
+            others, shape (k,).
+    """
+
+    ratios: Array
+    units: Array
+
+    @cached_property
+    def members(self) -> tuple[int, ...]:
+        """Indices of the members."""
+        return tuple(np.flatnonzero(self.units).tolist())
+
+    @property
+    def first(self) -> int:
+        """Index of the slip that stands for all."""
+        return self.members[0]
+
+
+class Slip(ValueRecord, frozen=True):
+    """Slipping and stuck joints on a stretch of the motion; empty without friction.
+
+    Attributes:
+        direction: 1 or -1 of a joint that slips, 0 of one at rest, for each of k joints; of a slip with several
+            components a unit vector, the direction from which it does not turn away by more than 60 deg.
+        stuck: Groups of joints that friction keeps at rest.
+        begun: Start of the stretch [s].
+        rest: Slips [rad/s or m/s] that rounding of the instant of a switch leaves, shape (k,).
+        slack: Friction [N*m or N] of the groups that rounding leaves; see ``joint_friction.NOTHING``, shape (g,).
+    """
+
+    direction: tuple[float, ...] = ()
+    stuck: tuple[SlipGroup, ...] = ()
+    begun: float = 0.0
+    rest: tuple[float, ...] = ()
+    slack: tuple[float, ...] = ()

@@ -31,7 +31,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import one_sided
-from pinarm.engine.friction.slip import Slip, SlipGroup
+from pinarm.engine.friction.columns import Slip, SlipGroup
 from pinarm.engine.friction.slip_equation import Slipping, SlipResponse
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import sizes, unit_vectors

@@ -11,7 +11,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.equation import mass_matrix
 from pinarm.engine.friction.complementarity import MARGIN, Extremes, FrictionBalance, decided, extreme_frictions, filled
 from pinarm.engine.friction.slip_equation import SlipEquation
 from pinarm.errors import DynamicsError

@@ -18,8 +18,8 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.equation import mass_matrix, solve
+from pinarm.engine.friction.columns import Slip, SlipGroup
 from pinarm.engine.friction.complementarity import (
     Extremes,
     FrictionBalance,
@@ -29,7 +29,6 @@ from pinarm.engine.friction.complementarity import (
     directions_of,
     extreme_frictions,
 )
-from pinarm.engine.friction.slip import Slip, SlipGroup
 from pinarm.engine.friction.slip_equation import SlipEquation
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError

@@ -31,8 +31,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Decomposition, solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.equation import mass_matrix, solve
 from pinarm.engine.kinematics.prescribed import Targets
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.couplings.coupling import JointRelation, left_open

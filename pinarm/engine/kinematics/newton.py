@@ -23,7 +23,6 @@ from pinarm.engine.kinematics.singular import (
     ENOUGH,
     at,
     check_rank,
-    end_of_travel,
     instant,
     is_in_states,
     on_branch,
@@ -47,10 +46,6 @@ CONTRACTION = 0.25
 
 REACH = 0.3
 """Largest correction of a predicted position: beyond it the step in time is halved."""
-
-NEAR_SINGULAR = 1e-3
-"""Ratio of singular values of J below which a branch that ends is taken to end at a singular position: near one it
-falls as the root of the distance, and steps end at ``SMALLEST`` of an interval, at about 3e-5."""
 
 AGREED, SHORT = 1e-7, 1e-3
 """Largest disagreement of redundant rows, relative to their terms: loops closed to rounding leave 1e-12. And the length
@@ -290,7 +285,7 @@ class NewtonSolver:
 
     def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
         rows, still = self.rows(self.closure.state(q)), np.zeros(self.closure.size)
-        check_rank(rows, self.names, t, lambda: (end := end_of_travel(self, q)) and f"{end}; ")
+        check_rank(rows, self.names, t)
         x = self.agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
         v = self.spread(x)
         state = self.closure.state(q, v)
@@ -327,28 +322,17 @@ class NewtonSolver:
     def _lost(self, q: Array, t: float, to: float, w: Array) -> AssemblyError:
         """Return why a branch that has come to q at t does not go on: values w out of reach at ``to``, or what else."""
         closest, gap = self.closest(q, w, np.ones(len(self.names)))
-        ratio = self._regularity(q)
         if not self.closed(self.closure.state(closest), gap, w):
-            why = end_of_travel(self, q) if ratio < NEAR_SINGULAR else ""
-            return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}{why and f'; {why}'}")
+            return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}")
         return AssemblyError(
             f"the motion cannot be followed beyond {instant(t)}, though the loops close at {instant(to)} on another "
             "branch",
             expected="laws and velocities that are continuous, along positions that are not singular",
-            hint="a motion that keeps clear of the singular position: the smallest singular value of the rows is "
-            f"{ratio:.1e} of the largest"
-            if ratio < NEAR_SINGULAR
-            else "another start, which chooses the branch; "
-            f"at {instant(t)} it is {format_configuration(self.model, q)}",
+            hint="a motion that keeps clear of a singular position, or another start, which chooses the branch; at "
+            f"{instant(t)} it is {format_configuration(self.model, q)}",
             t=t,
             q=q,
         )
-
-    def _regularity(self, q: Array) -> float:
-        """Return the least singular value of J over the largest."""
-        rows = self.rows(self.closure.state(q))
-        values = np.linalg.svd(rows, compute_uv=False)
-        return float(values[rows.shape[1] - 1] / values[0]) if len(rows) >= rows.shape[1] else 0.0
 
     def unreachable(self, q: Array, gap: Array, t: float, followed: str = "") -> AssemblyError:
         """Return the error of a position out of reach, with the largest gap and the closest configuration."""

@@ -1,12 +1,11 @@
-"""Singular positions of prescribed motions: whether a step passes one, what depends on what, and ends of travel."""
+"""Singular positions of prescribed motions: whether a step passes one, and what depends on what."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,11 +14,6 @@ from pinarm.engine.constraints.nullspace import RANK
 from pinarm.errors import AssemblyError
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.mechanics.joints import RADIAN
-
-if TYPE_CHECKING:
-    from pinarm.engine.kinematics.newton import NewtonSolver
-    from pinarm.mechanics.coordinates import Coordinate
-    from pinarm.mechanics.geometry.kinematics import Kinematics
 
 _running: ContextVar[tuple[str, Unit] | None] = ContextVar("running", default=None)
 
@@ -72,11 +66,7 @@ SINGULAR = 1e-6
 leaves an angle of the square root of ``CLOSED``, so a smaller ratio is not told from 0."""
 
 PART = 0.1
-"""Part of a motion, or of a combination of rows, of length 1, from which on it is named; and the way u along x within
-which a coordinate has to turn back."""
-
-STRAIGHT = 1e-6
-"""A c, and other singular values relative to the largest, that are not told from 0: configurations are known to it."""
+"""Part of a combination of rows, of length 1, from which on a row is named."""
 
 
 def on_branch(turned: Array, correction: Array) -> Flags:
@@ -118,46 +108,15 @@ def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
     return f"{', '.join(tied)} {'do' if len(tied) > 1 else 'does'} not move independently"
 
 
-def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], str] = str) -> None:
+def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
     """Raise where rows do not determine the velocity of every joint."""
     nv = rows.shape[1]
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
         raise AssemblyError(
-            f"the position is singular{at(t)}: {why()}{tied(rows, min(len(rows), nv), names)} there",
+            f"the position is singular{at(t)}: {tied(rows, min(len(rows), nv), names)} there",
             expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
             "beside it, between which the motion passes it; or other coordinates",
             t=t,
         )
-
-
-def end_of_travel(solver: NewtonSolver, q: Array) -> str:
-    """Return a text on the coordinates at the end of their travel at a singular position; empty without any.
-
-    There a coordinate cannot move, and the mechanism moves while it rests: with J the rows of the constraints and
-    coordinates, ``y^T J = s x^T`` with a part of y on the row of the coordinate, and s all but 0. Along x the
-    coordinate turns back: it goes by ``s u + c u^2 / 2`` with ``c = y^T J' x``, and turns where ``u = -s / c``. Where c
-    vanishes as well, as of a folded arm whose tip is at its base, it may go on.
-    """
-    rows, own = solver.rows(solver.closure.state(q)), solver.closure.size
-    if len(rows) != rows.shape[1]:
-        return ""
-    u, values, vt = np.linalg.svd(rows)
-    state = solver.closure.state(q, solver.spread(vt[-1]))
-    bend = abs(float(u[:, -1] @ (solver.whole.drift(state) / solver.measure)))
-    if bend < STRAIGHT or values[-1] > PART * bend or (values[:-1] < STRAIGHT * values[0]).any():
-        return ""
-    values_there = named_values(solver.names[own:], solver.coordinates, state)
-    stuck = [text for text, part in zip(values_there, u[own:, -1], strict=True) if abs(part) > PART]
-    return f"{', '.join(stuck)} {'is' if len(stuck) == 1 else 'are'} the end of travel" if stuck else ""
-
-
-def named_values(names: Sequence[str], coordinates: Sequence[Coordinate], state: Kinematics) -> list[str]:
-    """Return coordinates with their values at a state, in words."""
-    return [
-        f"{name} = {math.degrees(coordinate.value(state)):.6g} deg"
-        if coordinate.unit == RADIAN
-        else f"{name} = {coordinate.value(state):.6g} {coordinate.unit}"
-        for name, coordinate in zip(names, coordinates, strict=True)
-    ]

@@ -25,7 +25,7 @@ import pinocchio as pin
 from pinarm.arrays import STEP, Array
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import weight_bounds
+from pinarm.engine.dynamics.equation import weight_bounds
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.records import Record

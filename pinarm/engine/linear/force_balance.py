@@ -23,7 +23,7 @@ from pinarm.engine.constraints.closure import Closure, slides
 from pinarm.engine.constraints.constraint_rows import Measured
 from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import weight_bounds
+from pinarm.engine.dynamics.equation import weight_bounds
 from pinarm.engine.kinematics.assembly import first_position
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates

@@ -17,8 +17,7 @@ import pinocchio as pin
 from pinarm.arrays import AT_KINK, STEP, Array, Complex, Flags
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured, one_sided
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.equation import accelerations
-from pinarm.engine.dynamics.mass_matrix import require_masses
+from pinarm.engine.dynamics.equation import accelerations, require_masses
 from pinarm.engine.labelled_array import LabelledArray
 from pinarm.engine.linear.derivatives import (
     EquationDerivatives,

@@ -13,7 +13,7 @@ from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
-from pinarm.engine.motion.standstill import at_rest, directions, lossy, pace_of
+from pinarm.engine.motion.standstill import at_rest, directions, lossy, row_paces
 from pinarm.engine.motion.systems import CompletedStates
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.series import Series
@@ -44,8 +44,7 @@ class IntegratedMotion(SolvedMotion, Record, frozen=True):
         rows = self.at(grid)
         if not lossy(self.mechanism):
             return self._outcome(rows)
-        followed = zip(self.hybrid.prescribed.coordinates, self.hybrid.prescribed.laws, strict=True)
-        known = replace(self, pace=pace_of(self.mechanism, rows.v, rows.a, followed, grid))
+        known = replace(self, pace=row_paces(self.mechanism, rows.v, rows.a).max(axis=0))
         others = tuple(map(known._directed, rows.others))
         return replace(self._outcome(replace(known._directed(rows), others=others)), motion=known)
 

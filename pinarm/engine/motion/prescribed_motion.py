@@ -14,17 +14,15 @@ from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.kinematics.singular import running
-from pinarm.engine.motion.known_motion import rest_notes, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.standstill import (
-    STANDSTILL,
     Beside,
     at_rest,
     directions,
-    law_size,
     lossy,
-    pace_of,
+    rest_notes,
     row_paces,
+    with_efforts,
 )
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError
@@ -153,8 +151,7 @@ class Prescription(Record, frozen=True):
     def _pace(self, rows: Trajectory) -> Array | None:
         if not self.directed or self.rates is not None:
             return None
-        followed = zip(self.motion.coordinates, self.motion.laws, strict=True)
-        return pace_of(self.mechanism, rows.v, rows.a, followed, rows.grid)
+        return np.asarray(row_paces(self.mechanism, rows.v, rows.a).max(axis=0))
 
     @property
     def directed(self) -> list[int]:
@@ -180,12 +177,11 @@ class Prescription(Record, frozen=True):
         """Return the velocities a little inside the intervals, from the positions of the rows, shape (n, nv)."""
         grid, laws = rows.grid.moved_inside(), self.motion.laws
         rates = np.array([grid.evaluate(law)[1] for law in laws]).T
-        sizes, positions = np.array([law_size(law, grid)[0] for law in laws]), np.zeros_like(rows.v)
-        for row in np.flatnonzero((np.abs(rates) > STANDSTILL * sizes).any(axis=1)):
-            q, idle = rows.q[row][None], np.zeros_like(sizes)
+        inside, idle = np.zeros_like(rows.v), np.zeros(len(laws))
+        for row in np.flatnonzero(rates.any(axis=1)):
             with suppress(AssemblyError):  # a singular position, at which the mechanism stands still as well
-                positions[row] = self.motion.rates(float(grid.t[row]), q, rates[row], idle)[0][0]
-        return positions
+                inside[row] = self.motion.rates(float(grid.t[row]), rows.q[row][None], rates[row], idle)[0][0]
+        return inside
 
 
 class PrescribedTable(Record, frozen=True):

@@ -23,17 +23,19 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import slides
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.known_motion import rest_notes, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.standstill import (
     STANDSTILL,
     Beside,
     directions,
     lossy,
+    rest_notes,
     row_paces,
+    with_efforts,
 )
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
@@ -317,8 +319,7 @@ def consistency(mechanism: Mechanism, rows: RecordedRows) -> dict[str, float]:
 
 def _relative(mechanism: Mechanism, errors: Array, values: Array) -> float:
     """Return the largest error relative to the largest value or error of a joint that has the same unit."""
-    sliding, worst = np.zeros(mechanism.model.nv, dtype=bool), 0.0
-    sliding[[joint.v for joint in mechanism.joints.values() if joint.unit == METRE]] = True
+    sliding, worst = slides(mechanism.model), 0.0
     for alike in (sliding, ~sliding):
         error = np.abs(errors[:, alike]).max(initial=0.0)
         size = max(np.abs(values[:, alike]).max(initial=0.0), error)

@@ -78,7 +78,7 @@ class PrescribedVariants:
         """Return states and mask as ``rows`` does, at separate states near configurations of shape (n, k, nq)."""
         if self._open:
             return self._solved(self._each_alone())
-        return self._solved(self._rated(self._followers.follow_near(self._laws, near)))
+        return self._solved(self._followers.follow_near(self._laws, near))
 
     @cached_property
     def _closure(self) -> VariantClosure:
@@ -112,27 +112,20 @@ class PrescribedVariants:
         t = np.stack([table.grid.t for table in self._different], axis=1)
         start = np.array([table.start for table in self._different])
         near = first[:, None] if self._alike else self._followers.continued(t, laws, first, start)
-        return self._rated(self._followers.follow(t, laws, near, start))
+        return self._followers.follow(t, laws, near, start)
 
     @cached_property
     def _followers(self) -> VariantMotion:
         motion = self.tables[0].prescription.motion
         assert isinstance(motion, DeterminedMotion)
+        if self.tables[0].prescription.rates is not None:
+            raise VariantsDiffer("velocities that are given row by row")
         return VariantMotion.of(self._closure, motion.prescribed, self.run.q[0])
 
     @cached_property
     def _laws(self) -> Array:
         values = [[table.grid.evaluate(law) for law in table.prescription.motion.laws] for table in self._different]
         return np.array(values).transpose(2, 3, 0, 1)
-
-    def _rated(self, states: VariantStates) -> VariantStates:
-        """Return states with the velocities and accelerations that are given for every row, where they are."""
-        rates = [table.prescription.rates for table in self._different if table.prescription.rates is not None]
-        if not rates:
-            return states
-        dw, ddw = np.array(rates).swapaxes(0, 1)
-        v, a = self._followers.rates(states.q, dw, ddw)
-        return states._replace(v=v, a=a)
 
     def _solved(self, solved: VariantStates) -> tuple[Trajectory, Flags]:
         closure, prescription = self._closure, self.motion.prescription
@@ -288,12 +281,6 @@ class VariantMotion(Record, frozen=True):
                 h = (t[row + 1 : row + 1 + step] - t[row])[..., None]
                 near[row + 1 : row + 1 + step] = q + h * (rates.v + 0.5 * h * rates.a)
         return near
-
-    def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-        """Return velocities and accelerations, shape (n, k, nv), at configurations of the motion, shape (n, k, nq)."""
-        targets = (self._spread(np.repeat(x[None], len(q), axis=0)) for x in (dw, ddw))
-        rates = self.closing.rates(self.closing.at(q), *targets)
-        return rates.v, rates.a
 
     def _spread(self, x: Array) -> Array:
         return np.ascontiguousarray(np.broadcast_to(x, (len(x), len(self.own.model), x.shape[-1])))

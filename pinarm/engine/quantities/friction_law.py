@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import sampled
 from pinarm.engine.constraints.nullspace import Decomposition
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.equation import mass_matrix
 from pinarm.engine.friction.columns import BANDS
 from pinarm.engine.friction.joint_friction import INSTANT, REST
 from pinarm.engine.friction.slip_equation import BearingReactions

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, real
 from pinarm.engine.constraints.constraint_rows import rows_of
-from pinarm.engine.dynamics import mass_matrix
+from pinarm.engine.dynamics import equation
 from pinarm.engine.series import Series, require_unit
 from pinarm.errors import InputError, choices, require_map, require_name
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
@@ -242,7 +242,7 @@ def jacobian(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
 def mass_matrices(mechanism: Mechanism, q: ArrayLike) -> Array:
     """Return M(q); see ``Mechanism.mass_matrix``."""
     leading, rows = _configurations(mechanism, q)
-    return leading.unfold(mass_matrix.mass_matrices(mechanism.model, rows))
+    return leading.unfold(equation.mass_matrices(mechanism.model, rows))
 
 
 def placements(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
@@ -266,7 +266,7 @@ def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: A
     pin.rnea(model, data, configuration, velocity, acceleration)
     pin.forwardKinematics(model, data, configuration, velocity, acceleration)
     pin.updateFramePlacements(model, data)
-    data.M = mass_matrix.mass_matrix(model, configuration)
+    data.M = equation.mass_matrix(model, configuration)
     return data
 
 

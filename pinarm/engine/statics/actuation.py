@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import BLOCK, Closure
-from pinarm.engine.dynamics.mass_matrix import mass_matrices, weight_bounds
+from pinarm.engine.dynamics.equation import mass_matrices, weight_bounds
 from pinarm.engine.kinematics.singular import instant
 from pinarm.errors import DrivesError, DynamicsError, InputError, as_names
 from pinarm.mechanics.ball_joints import coordinate_name

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from pinarm.engine.friction.columns import SlipGroup
 from pinarm.engine.friction.complementarity import FrictionBalance
-from pinarm.engine.friction.slip import SlipGroup
 from pinarm.engine.friction.slip_equation import CarriedLoads, SlipResponse
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import Bearing, FrictionLaw

@@ -121,7 +121,7 @@ class TestLimits:
     def test_a_path_that_leaves_the_limits_on_its_way_is_refused(self, arm):
         """C stops at its limit, then A: the freedom is used up."""
         lower, upper = np.array([-0.2, -3.0, -3.0]), np.array([3.0, 3.0, 2.2])
-        with pytest.raises(AssemblyError, match=r"beyond t = 1\.8.* A reaches its limit, and C is at its own"):
+        with pytest.raises(AssemblyError, match=r"beyond t = 1\.8.* A reaches its limit, as C did before"):
             follow(arm, posture(lower=lower, upper=upper))
 
 

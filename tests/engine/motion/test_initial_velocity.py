@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.equation import mass_matrix
 from pinarm.errors import InputError
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState

@@ -239,7 +239,7 @@ class TestABranchWithoutMass:
     def test_it_is_named(self, idle, rows):
         q, v, tau = np.random.default_rng(3).normal(size=(3, rows, 3))
         for solve in (lambda: idle.forward(q, v, tau), lambda: idle.at(q, v, tau=tau), lambda: idle.forward(q, v)):
-            with pytest.raises(DynamicsError, match=r"joints? .*b.* can move without mass, carrying .*hand"):
+            with pytest.raises(DynamicsError, match=r"joints? .*b.* can move without mass"):
                 solve()
 
     def test_a_loop_that_holds_it_is_enough(self, tmp_path):

@@ -20,8 +20,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import one_sided
 from pinarm.engine.constraints.nullspace import Decomposition
-from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.equation import mass_matrix, solve
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Constraint, LinearCoordinate

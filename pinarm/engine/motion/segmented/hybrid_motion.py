@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.friction.slip import Slip
+from pinarm.engine.friction.columns import Slip
 from pinarm.engine.integration.driver import integrate as integrate_smooth
 from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT
 from pinarm.engine.integration.integrator import Solution, StepsOver, Turn, Watch

@@ -16,9 +16,8 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Decomposition, coupled_joints
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrix, require_masses
-from pinarm.engine.friction.slip import Slip
+from pinarm.engine.dynamics.equation import mass_matrix, require_masses, solve
+from pinarm.engine.friction.columns import Slip
 from pinarm.engine.integration.integrator import Interval, Watch
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.kinematics.singular import running

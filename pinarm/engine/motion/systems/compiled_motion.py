@@ -15,7 +15,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspace import RANK, Decomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.equation import mass_matrix
 from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.kernel.library import (
     SETTLE,

@@ -17,8 +17,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RANK, VANISHED, Decomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.equation import mass_matrix, solve
 from pinarm.engine.kinematics.prescribed import Targets
 from pinarm.errors import DynamicsError, NumericsError
 from pinarm.records import Record, replace

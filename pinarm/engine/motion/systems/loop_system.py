@@ -18,8 +18,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import BLOCK, Closure
 from pinarm.engine.constraints.nullspace import RANK, VANISHED, Decomposition, coupled_joints
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
-from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix, require_masses
+from pinarm.engine.dynamics.equation import mass_matrices, mass_matrix, require_masses, solve
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
