@@ -14,16 +14,9 @@ from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.kinematics.singular import running
+from pinarm.engine.motion.known_motion import rest_notes, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
-from pinarm.engine.motion.standstill import (
-    Beside,
-    at_rest,
-    directions,
-    lossy,
-    rest_notes,
-    row_paces,
-    with_efforts,
-)
+from pinarm.engine.motion.standstill import Beside, at_rest, directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError
 from pinarm.input.units import Unit

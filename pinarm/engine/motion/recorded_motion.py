@@ -9,7 +9,7 @@ smooth. Of a ball joint it runs through the components of the quaternion s, and 
 
 Friction and losses of gears need the direction of the motion. Velocities and accelerations of a spline are not known to
 rounding but to its error: where a velocity is below it, the joint stands still, as far as the spline can tell. The
-error is that of the spline through every second row, near the row in question.
+error is the largest difference to the spline through every second row.
 """
 
 from __future__ import annotations
@@ -27,16 +27,9 @@ from pinarm.engine.constraints.closure import slides
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.known_motion import rest_notes, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
-from pinarm.engine.motion.standstill import (
-    STANDSTILL,
-    Beside,
-    directions,
-    lossy,
-    rest_notes,
-    row_paces,
-    with_efforts,
-)
+from pinarm.engine.motion.standstill import STANDSTILL, Beside, directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.input.units import unit
@@ -52,13 +45,8 @@ if TYPE_CHECKING:
 DEGREE = 5
 """Degree of the spline: its accelerations err by ``O(h^4)`` for rows h apart."""
 
-NEAR, MARGIN = 2, 4.0
-"""Rows to both sides whose errors count at a row, as an error passes through zero, and by how much it may be above the
-difference of two splines, both of which have it."""
-
-ROUNDED = np.array([[17.1], [53.3]]) * np.finfo(float).eps
-"""Rounding of h v and h^2 a relative to positions, h the distance of rows: the sums of the weights of first and second
-differences of degree 5 at an end, ``137/60 + 5 + 5 + 10/3 + 5/4 + 1/5`` and likewise."""
+MARGIN = 4.0
+"""Largest error over the difference of two splines, both of which have it."""
 
 FEWEST = 2 * (DEGREE + 1)
 """Rows that it takes to leave every second one out, for the estimate of its error."""
@@ -244,32 +232,18 @@ class QuinticSpline:
         return fine, fine - np.array(coarse.at(self.t)[1:])
 
     @cached_property
-    def _paces(self) -> Array:
-        """Scale of rounding of v and a, shape (n, 2, nv): ``STANDSTILL`` times it covers their errors near the rows."""
-        fine, errors = (np.swapaxes(x, 0, 1) for x in self._known)
-        around = ((NEAR, NEAR), (0, 0), (0, 0))
-        near = np.lib.stride_tricks.sliding_window_view(np.pad(np.abs(errors), around, "edge"), 2 * NEAR + 1, axis=0)
-        h = np.pad(np.diff(self.t), 1, "edge")
-        h = np.minimum(h[1:], h[:-1])[:, None, None] ** np.array([[1], [2]])
-        rounding = ROUNDED * np.abs(self.q).max(axis=0)[self._places] / h
-        errors = np.maximum(rounding, MARGIN * near.max(axis=-1))
-        paces = row_paces(self.mechanism, fine[:, 0], fine[:, 1]).max(axis=0)
-        return np.asarray(np.maximum(paces, errors / STANDSTILL))
-
-    def paces(self, t: Array) -> Array:
-        """Return the scale of rounding at instants, shape (n,): the larger of the rows before and after, (n, 2, nv)."""
-        after = self._after(t)
-        return np.asarray(np.maximum(self._paces[after - 1], self._paces[after]))
-
-    def _after(self, t: Array) -> Indices:
-        """Return the rows that follow instants, shape (n,)."""
-        return np.asarray(np.clip(np.searchsorted(self.t, t, side="right"), 1, len(self.t) - 1))
+    def pace(self) -> Array:
+        """Scale of rounding of v and a, shape (2, nv): ``STANDSTILL`` times it covers their errors."""
+        fine, errors = self._known
+        return np.asarray(np.maximum(
+            row_paces(self.mechanism, *fine).max(axis=0), MARGIN * np.abs(errors).max(axis=1) / STANDSTILL
+        ))  # fmt: skip
 
     def beside(self, grid: Grid) -> Beside:
         """Return the data on directions at the rows of a grid, with velocities half a row inside the interval."""
-        after = self._after(grid.t)
+        after = np.clip(np.searchsorted(self.t, grid.t, side="right"), 1, len(self.t) - 1)
         inside = self.at(grid.moved_inside(0.5 * (self.t[after] - self.t[after - 1])).t)[1]
-        return Beside(self.paces(grid.t), grid.sides(), inside)
+        return Beside(self.pace, grid.sides(), inside)
 
     def figures(self) -> dict[str, float]:
         """Return the relative change of velocities and accelerations when every second row is left out."""

@@ -13,7 +13,8 @@ from pinarm.engine.constraints.closure import BLOCK, Closure
 from pinarm.engine.constraints.constraint_rows import one_sided
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations, require_masses
-from pinarm.engine.motion.standstill import Beside, directions, lossy, row_paces, with_efforts
+from pinarm.engine.motion.known_motion import with_efforts
+from pinarm.engine.motion.standstill import Beside, directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.state_arrays import RATES, LeadingAxes, instant, states_of
