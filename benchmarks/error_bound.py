@@ -27,8 +27,7 @@ from pinarm.engine.integration.methods import METHODS
 from pinarm.errors import NumericsError
 from pinarm.use.accuracy.error_estimate import BOUND, estimate_errors, output_differences
 from pinarm.use.accuracy.integration_settings import with_setting
-from pinarm.use.facade import Result
-from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.facade import Result, Scenario, load
 from pinarm.use.study.tradeoff import MARGIN
 
 RESOLVED = 30.0

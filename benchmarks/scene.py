@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pinarm
-from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.facade import Scenario
 
 ROUNDS = 7
 

@@ -11,11 +11,10 @@ if TYPE_CHECKING:
     from pinarm.errors import PinarmError
     from pinarm.input.roots import file_root
     from pinarm.language import writing
-    from pinarm.use.facade import Result
+    from pinarm.use.facade import Result, Scenario, load
     from pinarm.use.mechanism import Mechanism
     from pinarm.use.report.report import report
     from pinarm.use.scenario.json_schema import schema
-    from pinarm.use.scenario.scenario import Scenario, load
     from pinarm.use.start.new import examples, new
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.answers.selftest import SelfTest, selftest
@@ -44,13 +43,13 @@ _HOMES = {
     "examples": "pinarm.use.start.new",
     "explain": "pinarm.use.study.explain",
     "Result": "pinarm.use.facade",
-    "Scenario": "pinarm.use.scenario.scenario",
+    "Scenario": "pinarm.use.facade",
     "Sweep": "pinarm.use.study.sweep.table",
     "Tradeoff": "pinarm.use.study.tradeoff",
     "Sheet": "pinarm.use.study.lab",
     "lab": "pinarm.use.study.lab",
     "isolate": "pinarm.use.study.explain",
-    "load": "pinarm.use.scenario.scenario",
+    "load": "pinarm.use.facade",
     "new": "pinarm.use.start.new",
     "replay": "pinarm.use.study.restore",
     "quantities": "pinarm.use.study.quantities",

@@ -29,8 +29,8 @@ FLOOR_PLAN = {
     "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_loading",
     "problems": "time_grid accuracy values laws loads drives control simplification events "
     "equilibria inverse linear recorded forward",
-    "use": "progress result workers cases assessments accuracy output show store method mechanism facade "
-    "scenario start letters study report",
+    "use": "progress result workers cases assessments scenario accuracy output show store method mechanism "
+    "facade start letters study report",
     "cli": "options commands main",
 }
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""

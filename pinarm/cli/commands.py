@@ -32,8 +32,8 @@ from pinarm.errors import InputError, NumericsError, PinarmError, choices
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
+    from pinarm.use.facade import Scenario
     from pinarm.use.output import Destination
-    from pinarm.use.scenario.scenario import Scenario
 
 T = TypeVar("T")
 
@@ -106,8 +106,8 @@ def each_file(
 @contextmanager
 def work(options: Namespace, kind: str) -> Iterator[tuple[Scenario, Destination, Executor | None]]:
     """Yield the scenario, the folder for its results, and the executor of the cluster that is named."""
+    from pinarm.use.facade import load
     from pinarm.use.output import check_replaceable, destination
-    from pinarm.use.scenario.scenario import load
     from pinarm.use.show.picture_files import picture_format
 
     picture_format(options.plots or True, options.dpi)  # mistakes are told before the work
@@ -211,7 +211,7 @@ def _validated(path: Path, values: Sequence[str]) -> str:
     from pinarm.use.study.run import kind_of
 
     if kind_of(path) != "mechanism":
-        from pinarm.use.scenario.scenario import load
+        from pinarm.use.facade import load
 
         load(path, values).validate()
         return "valid"

@@ -1,18 +1,38 @@
-"""``pinarm.Result``: the record with methods for users, which reach every view; below, ``use.result.result`` serves."""
+"""``pinarm.Scenario`` and ``pinarm.Result``: the records with methods for users, which reach every view and study.
+
+Nothing below imports them: there the records of ``use.scenario.scenario`` and ``use.result.result`` serve.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self, cast
 
-from pinarm.records import public_face
+from pinarm.engine.checks.balance import plain, power_balance
+from pinarm.engine.checks.residuals import residual_figures
+from pinarm.engine.constraints.nullspace import one_blas_thread
+from pinarm.engine.mechanism import Mechanism as MechanismParts
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError, NumericsError
+from pinarm.input.yaml.document import Values
+from pinarm.records import public_face, replace
+from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.result import result as results
+from pinarm.use.result.failures import failures_in_words
+from pinarm.use.scenario import scenario as scenarios
+from pinarm.use.workers.runners import Runners
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     import meshcat
     from control import StateSpace
 
+    from pinarm.mechanics.control.function import ControlFunction
     from pinarm.use.assessments.limits import Limits
     from pinarm.use.assessments.loads import Loads
     from pinarm.use.assessments.path_error import PathError
@@ -192,3 +212,211 @@ class Result(results.Result, frozen=True):
         outcome["figures"] = dict(self.outcome.figures)
         measured = {name: getattr(self, name) for name in results.MEASURED} | {"figures": dict(self.figures)}
         return result_of, (self.scenario, self.trajectory.mechanism, arrays_of(self), outcome, measured)
+
+
+class Scenario(scenarios.Scenario, frozen=True):
+    """A scenario, read and checked; nothing is computed before ``run``.
+
+    Its fields, such as ``document``, ``content``, ``problem`` and ``folder``, are those of
+    ``use.scenario.scenario.Scenario``.
+    """
+
+    __dir__ = public_face("content", "document", "folder", "name", "problem", "quantities", "symbols", "varied")
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The mechanism, with the scenario's arguments and gravity, and controllers given in Python."""
+        return with_methods(self.read_mechanism())
+
+    def with_mechanism(self, mechanism: MechanismParts) -> Self:
+        return super().with_mechanism(with_methods(mechanism))
+
+    def result(self, outcome: Outcome) -> Result:
+        quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
+        return Result(self.name, outcome, quantities, self)
+
+    def controlled(
+        self, control: Mapping[str | tuple[str, ...], ControlFunction], period: float | None = None, delay: float = 0.0
+    ) -> Self:
+        """Return the scenario with drives whose efforts are functions; see ``run``.
+
+        Raises:
+            InputError: It is no forward problem, a function cannot be called, or the period is not positive.
+        """
+        from pinarm.mechanics.control.function import function_controls
+
+        if self.problem.kind != "forward":
+            raise InputError(
+                f"the problem is of the kind '{self.problem.kind}': its motion is known",
+                expected="a forward problem, whose drives can react",
+            )
+        return replace(self, functions=(*self.functions, *function_controls(control, period, delay)))
+
+    def with_forces(self, forces: Mapping[str, tuple[str, ControlFunction]]) -> Self:
+        """Return the scenario with loads that are functions; see ``run``.
+
+        Raises:
+            InputError: One is no coordinate with a function.
+        """
+        from pinarm.mechanics.forces.function_effort import function_forces
+
+        return replace(self, function_forces=(*self.function_forces, *function_forces(forces)))
+
+    def run(
+        self,
+        control: Mapping[str | tuple[str, ...], ControlFunction] | None = None,
+        *,
+        period: float | None = None,
+        delay: float = 0.0,
+        forces: Mapping[str, tuple[str, ControlFunction]] | None = None,
+    ) -> Result:
+        """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
+
+        Args:
+            control: Drives whose efforts are functions: drive, or several in a tuple, -> ``u(t, state)``, which returns
+                an effort, or a sequence of them [N*m or N]; ``state["knee"]`` is a quantity of the present state [SI].
+                See docs/control.md.
+            period: Of sampled functions [s]: called once each period, their effort is held until the next; continuous
+                where it is left out.
+            delay: From a sample to the change of the effort [s].
+            forces: Loads that are functions, in problems of any kind: name -> coordinate that the load acts along, and
+                ``f(t, state)``, which returns an effort [N*m or N]: ``{"brake": ("knee", f)}``. It has to depend on its
+                arguments only, and to be smooth in them.
+
+        Raises:
+            PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
+        """
+        if control is None and (period is not None or delay):
+            raise InputError(
+                "a period or a delay is given, but no function", expected="control, with functions of drives"
+            )
+        asked = self.controlled(control, period, delay) if control is not None else self
+        asked = asked.with_forces(forces) if forces else asked
+        asked.check_answer_key()
+        return asked._reaching_target()
+
+    def _reaching_target(self) -> Result:
+        """Return the result; with ``accuracy.target``, at the cheapest setting whose error is below it."""
+        search = self.content.find
+        if self.content.accuracy.target is None or (search and search.objective):  # every run of which reaches it
+            return self.solve()
+        from pinarm.use.accuracy.tolerance_search import reach_target
+
+        return cast("Result", reach_target(self))
+
+    def with_workers(self, workers: int | None = None, executor: Executor | None = None) -> Self:
+        """Return the scenario whose searches and sensitivities give their runs to others; the numbers are the same.
+
+        Args:
+            workers: Processes of this machine; this process where it is left out. Of an executor, how many workers it
+                has, where it cannot tell.
+            executor: Who solves the runs in place of processes of this machine; see ``pinarm.sweep``. It has to live as
+                long as sections of results are asked for.
+
+        Raises:
+            InputError: There are less than one.
+        """
+        return replace(self, runners=Runners(workers, executor))
+
+    def verified(self) -> Result:
+        """Return the result with its global error estimated, and every row of it checked.
+
+        Raises:
+            PinarmError: See ``run``.
+        """
+        from pinarm.use.accuracy.error_estimate import estimate_errors
+
+        self.check_answer_key()
+        result = self._reaching_target()
+        run, rows = result.trajectory, len(result)
+        with one_blas_thread(self.mechanism.model.nv):
+            figures = plain({**power_balance(run, rows), **residual_figures(run, result.outcome.motion, rows)})
+        result = replace(result, figures={**result.figures, **figures})
+        if result.errors:
+            return result
+        scenario = self.restated(result.data) if "find" in result.known else self
+        return cast("Result", estimate_errors(scenario, result))
+
+    def solve(self) -> Result:
+        """Solve the problem once, at its own setting; with ``find``, for the values that bring about what is wanted.
+
+        Raises:
+            PinarmError: See ``run``.
+        """
+        self.check_presentation()
+        if self.problem.kind == "recorded":  # the headings say what can be asked: a long table is not read in vain
+            self.document.with_each("outputs", self.content.outputs, self.quantities().__getitem__)
+        if self.content.find:
+            from pinarm.use.scenario.searches import solve_found
+
+            return cast("Result", solve_found(self, self.content.find))
+        try:
+            with failures_in_words():
+                return cast("Result", self.solve_once())
+        except NumericsError as error:
+            if isinstance(error.partial, Outcome):
+                error.partial = self.broken_off(error.partial, error.message)
+            raise
+
+    def validate(self) -> None:
+        """Check everything that can be checked without solving: the model, all names, all units.
+
+        Raises:
+            PinarmError: Something is wrong; the message says where.
+        """
+        self._check_asked()
+        self.quantities().check_symbols(self.symbols, self.document.locating)
+        for name in self.content.variants:
+            with self.document.locating("variants", name):
+                self.variant(name)._check_asked()
+
+    def _check_asked(self) -> None:
+        """Check what is solved and what is asked of it; symbols of variants that do not ask for them may be others'."""
+        self.require_memory()
+        with failures_in_words():
+            self.problem.prepare(self.mechanism, self.content.accuracy, self.place)
+            quantities = self.quantities()
+            self.document.with_each("outputs", self.content.outputs, quantities.__getitem__)
+            self.check_presentation()
+            if self.content.numbers:
+                from pinarm.use.result.numbers import read_number
+            for index, text in enumerate(self.content.numbers):
+                with self.document.locating("numbers", index):
+                    read_number(text).described(quantities, self.numbered)
+            if self.content.find:
+                from pinarm.use.scenario.searches import check_search
+
+                check_search(self, self.content.find, quantities)
+            for key, assessment in self.content.assessments.items():
+                with self.document.locating(key):
+                    assessment.check_names(quantities, self)
+        self.check_answer_key()
+
+
+Given = Scenario | str | Path | Mapping[str, Any]
+"""A scenario, its file, or what such a file would hold as plain data."""
+
+
+def load(scenario: Given, values: Values | None = None) -> Scenario:
+    """Read and check a scenario file; nothing is computed before ``run``.
+
+    Args:
+        scenario: The file; or what such a file would hold, ``{"pinarm": 1, "mechanism": "panda", ...}``, with paths
+            relative to the working folder, and a ``Mechanism``, or the data of its file, in place of the file; or a
+            scenario that has been read, of which values are to be replaced.
+        values: Other values than those of the file: ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}``, or texts
+            ``["problem.time.end=3 s"]``. A bare number is in SI, and allowed where the file has an SI unit or none.
+
+    Raises:
+        InputError: The file cannot be read or has a mistake, or a path leads nowhere; the message says where.
+    """
+    if isinstance(scenario, Mapping):
+        scenario = Scenario.of_data(scenario)
+    if isinstance(scenario, Scenario):
+        return scenario.varied(values) if values else scenario
+    if not isinstance(scenario, str | PathLike):
+        raise InputError(
+            f"a value of the type {type(scenario).__name__} is no scenario",
+            expected="a Scenario, its file, or a map of what the file would hold",
+        )
+    return Scenario.load(scenario, values)

@@ -15,7 +15,7 @@ import pinarm
 from pinarm.cli.main import main
 from pinarm.engine.constraints.nullspace import solved_positive
 from pinarm.errors import DynamicsError
-from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.facade import Scenario
 
 SCENARIO = Path(pinarm.__file__).parents[1] / "scenarios" / "gen411_arm_swing.yaml"
 

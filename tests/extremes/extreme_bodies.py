@@ -18,8 +18,8 @@ from scipy.special import ellipj
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.use.accuracy.error_estimate import estimate_errors
+from pinarm.use.facade import load
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.scenario.scenario import load
 
 EXPLICIT = "the two equations solved for the accelerations by hand, SciPy"
 TOP = "symmetric top: precession about H at H/A, spin at (1 - C/A) w3"

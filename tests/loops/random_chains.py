@@ -16,7 +16,7 @@ from linkage import GROUND, Joint, Linkage, random_body, random_turn
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.facade import Scenario, load
 
 SAMPLES = 41
 

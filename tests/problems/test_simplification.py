@@ -10,8 +10,8 @@ import pytest
 import pinarm
 from pinarm.errors import NumericsError, PinarmError
 from pinarm.records import replace
+from pinarm.use.facade import Scenario
 from pinarm.use.result.number_accuracy import output_scales
-from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.show.text import report
 from pinarm.use.study.explain import explain
 from pinarm.use.study.restore import restore

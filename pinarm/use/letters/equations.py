@@ -39,7 +39,7 @@ from pinarm.use.letters.projection import (
 )
 
 if TYPE_CHECKING:
-    from pinarm.use.scenario.scenario import Scenario
+    from pinarm.use.facade import Scenario
 
 AT_REST = ("statics", "equilibria")
 """Kinds of problems in which nothing moves."""

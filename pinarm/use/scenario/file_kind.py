@@ -1,26 +1,19 @@
-"""Content of a scenario's document, and of its mechanism file; files and keys that are no scenario's are refused."""
+"""Files and keys that are no scenario's: mechanism files, models, folders, names of robots, and keys of other files."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from pinarm.engine.mechanism_loading import mechanism_document
 from pinarm.errors import InputError, Key, Location, ModelError
-from pinarm.input.roots import ENDINGS, contained_file, robots, root_of
-from pinarm.input.yaml.document import Document, argument_of, written_unit
+from pinarm.input.roots import ENDINGS, robots
+from pinarm.input.yaml.document import Document
 from pinarm.mechanics.description import MechanismDescription
-from pinarm.problems import KINDS, Problem, problem_class
-from pinarm.records import replace
-from pinarm.use.scenario.scenario_file import ScenarioFile
+from pinarm.problems import KINDS, problem_class
 
 MOST = 12
 """Number of files of a folder that a message lists."""
-
-KEYS = ScenarioFile.__struct_encode_fields__
-"""Keys of scenario files."""
 
 GIVEN = "mechanism.yaml"
 """Name in a scenario of a mechanism that was given as an object: the file that a result writes it to."""
@@ -90,17 +83,18 @@ def refuse_changes(data: Mapping[str, Any]) -> None:
             )
 
 
-def _refuse_misplaced_keys(document: Document, *at: str) -> None:
+def refuse_misplaced_keys(document: Document, keys: Collection[str], *at: str) -> None:
     """Refuse keys of a scenario, or of its problem, that belong elsewhere, and say where; and drives that are maps.
 
     Args:
         document: A scenario.
+        keys: Those of scenarios.
         at: ``problem`` for the keys below it.
     """
     data: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
     problem: Mapping[str, Any] = data["problem"] if isinstance(data.get("problem"), dict) else {}
     keys_of_kind = _keys(str(problem.get("kind")))
-    own, others = (keys_of_kind, KEYS) if at else (KEYS, keys_of_kind)
+    own, others = (keys_of_kind, keys) if at else (keys, keys_of_kind)
     known = {key for kind in KINDS for key in _keys(kind)} if at else {*own}
     for key in (key for key in (problem if at else data) if key not in own):
         place, outer = document.locate((*at, Key(key))), _map_in_mechanism_file(key)
@@ -140,67 +134,3 @@ def _map_in_mechanism_file(key: str) -> str | None:
 
 def _keys(kind: str) -> tuple[str, ...]:
     return (*problem_class(kind).__struct_encode_fields__, "kind") if kind in KINDS else ()
-
-
-def with_digits(document: Document) -> Document:
-    """Return a scenario whose answer key has its values as text, the last digit of which says how exact they are.
-
-    Of ``1.50`` and ``1.5e3`` a number keeps 1.5 and 1500.0.
-    """
-    entries = document.data.get("expect") if isinstance(document.data, dict) else None
-    if not isinstance(entries, list):
-        return document
-    written = list(entries)
-    for k, entry in enumerate(entries):
-        value = entry.get("value") if isinstance(entry, dict) else None
-        if isinstance(value, float) and math.isfinite(value):
-            written[k] = {**entry, "value": document.written(("expect", k, "value"))}
-    return replace(document, data={**document.data, "expect": written})
-
-
-def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
-    """Return the unit that a scenario's mechanism file has at a path below ``arguments`` or ``changes``, if any."""
-    if path.startswith("changes."):
-        return written_unit(mechanism_data(data, folder), path.removeprefix("changes."))
-    if not path.startswith("arguments."):
-        return ""
-    file, name = mechanism_data(data, folder), argument_of(path)
-    declared = file.get("arguments")
-    unit_of_model = str(declared.get(name, "")) if isinstance(declared, dict) else ""
-    return unit_of_model or written_unit(file, f"parameters.{name}")
-
-
-def mechanism_data(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
-    """Return the content of the mechanism file of a scenario, a drawing included; empty where there is no such file."""
-    wanted = data.get("mechanism")
-    if not isinstance(wanted, str) or not Path(wanted).suffix:
-        return {}
-    try:
-        file = mechanism_document(contained_file((folder / wanted).absolute(), root_of(folder), {})).data
-    except InputError:  # whoever needs the mechanism says what is wrong with it
-        return {}
-    return file if isinstance(file, dict) else {}
-
-
-def content_of(document: Document) -> ScenarioFile:
-    """Validate a scenario; of keys that belong elsewhere, say where."""
-    try:
-        return document.validate(ScenarioFile)
-    except InputError:
-        _refuse_misplaced_keys(document)
-        raise
-
-
-def problem_of(document: Document, given: object) -> Problem:
-    """Validate the part of the document that holds the question, by the class of its kind."""
-    if not isinstance(given, dict) or "kind" not in given:
-        missing = "the key 'kind' is missing: it says which kind of problem this is"
-        raise InputError(missing, expected=", ".join(KINDS)).at(document.locate(("problem",)))
-    with document.locating("problem", "kind"):
-        model = problem_class(given["kind"])
-    try:
-        problem: Problem = document.validate(model, "problem")
-    except InputError:
-        _refuse_misplaced_keys(document, "problem")
-        raise
-    return problem

@@ -1,4 +1,4 @@
-"""``pinarm.Scenario``: one question about one mechanism, in a file, and its solution."""
+"""A scenario: one question about one mechanism, in a file; the record that ``use.facade.Scenario`` solves."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property, partial
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast
 
@@ -18,12 +17,13 @@ from pinarm.engine.checks.balance import plain, power_balance
 from pinarm.engine.checks.residuals import residual_figures, unclosed
 from pinarm.engine.constraints.nullspace import one_blas_thread
 from pinarm.engine.integration.methods import REMOVED
-from pinarm.engine.mechanism import Mechanism as MechanismParts
-from pinarm.engine.mechanism_loading import acted_along, mechanism_of_data, read_mechanism
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.mechanism_loading import acted_along, mechanism_document, mechanism_of_data, read_mechanism
 from pinarm.engine.motion.guards import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, Key, MethodError, NumericsError, PinarmError
+from pinarm.engine.series import Series
+from pinarm.errors import InputError, Key, MethodError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import unit
@@ -31,45 +31,41 @@ from pinarm.input.yaml.document import Document, Values, argument_of, value_at, 
 from pinarm.input.yaml.schema import Measured
 from pinarm.mechanics.geometry.kinematics import one_run
 from pinarm.mechanics.perturbation import perturbed_numbers
-from pinarm.problems import KINDS, Problem
+from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.simplification import Simplification
 from pinarm.problems.time_grid import require_memory
-from pinarm.records import Record, public_face, replace
-from pinarm.use.facade import Result
-from pinarm.use.mechanism import Mechanism, with_methods
+from pinarm.records import Record, replace
 from pinarm.use.result.failures import failures_in_words, is_too_large, overflow
 from pinarm.use.result.measures import Figures
-from pinarm.use.result.presentation import UNIT_KINDS
+from pinarm.use.result.presentation import UNIT_KINDS, Presentation
+from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import (
     GIVEN,
-    content_of,
-    declared_unit,
-    mechanism_data,
-    problem_of,
     refuse_changes,
     refuse_folder,
     refuse_mechanism,
+    refuse_misplaced_keys,
     refuse_model,
-    with_digits,
 )
 from pinarm.use.scenario.scenario_file import ScenarioFile
 from pinarm.use.workers.runners import HERE, Runners
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from pinarm.engine.motion.prescribed_motion import PrescribedTable
-    from pinarm.mechanics.control.function import ControlFunction, FunctionControl
+    from pinarm.mechanics.control.function import FunctionControl
     from pinarm.mechanics.forces.function_effort import FunctionForce
     from pinarm.problems.accuracy import Accuracy
     from pinarm.use.result.section import Numbered
+
+KEYS = ScenarioFile.__struct_encode_fields__
+"""Keys of scenario files."""
 
 PERTURBED = "initial", "loads", "motion", "hold", "over", "velocity", "acceleration"
 """Keys of problems whose numbers have other last digits where the mechanism has."""
 
 
 class Scenario(Record, frozen=True):
-    """A scenario, read and checked; nothing is computed before ``run``.
+    """A scenario, read and checked.
 
     Attributes:
         document: The file with the places of its lines.
@@ -89,12 +85,10 @@ class Scenario(Record, frozen=True):
     problem: Problem
     folder: Path
     seed: int | None = None
-    given: MechanismParts | None = None
+    given: Mechanism | None = None
     functions: tuple[FunctionControl, ...] = ()
     function_forces: tuple[FunctionForce, ...] = ()
     runners: Runners = HERE
-
-    __dir__ = public_face()
 
     @classmethod
     def load(cls, path: str | Path, values: Values | None = None) -> Self:
@@ -103,7 +97,7 @@ class Scenario(Record, frozen=True):
         refuse_model(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
         refuse_mechanism(Path(path), document.data)
-        document = with_digits(document)
+        document = _with_digits(document)
         if values:
             document = varied(document, values, partial(declared_unit, document.data, folder))
         return cls.of(document, folder)
@@ -111,8 +105,8 @@ class Scenario(Record, frozen=True):
     @classmethod
     def of(cls, document: Document, folder: Path) -> Self:
         """Check a scenario that has been read; paths in it are relative to ``folder``."""
-        content = content_of(document)
-        return cls(document, content, problem_of(document, content.problem), folder)
+        content = _content(document)
+        return cls(document, content, _problem(document, content.problem), folder)
 
     @classmethod
     def of_data(cls, data: Mapping[str, Any]) -> Self:
@@ -124,9 +118,9 @@ class Scenario(Record, frozen=True):
                 expected="a Mechanism, the path of a file, or the name of a robot",
                 hint="pinarm.Mechanism.of(model)",
             )
-        if not isinstance(given, Mapping | MechanismParts):
+        if not isinstance(given, Mapping | Mechanism):
             return cls.of(Document.of_data(data, "scenario"), Path())
-        if isinstance(given, MechanismParts):
+        if isinstance(given, Mechanism):
             refuse_changes(data)
         scenario = cls.of(Document.of_data({**data, "mechanism": GIVEN}, "scenario"), Path())
         return replace(
@@ -147,7 +141,7 @@ class Scenario(Record, frozen=True):
         path = self.document.path
         document = replace(self.document, path=path.parent.resolve() / path.name) if path else self.document
         folder = self.folder.resolve()
-        return ScenarioSource(document, folder, self.seed, self.given, self.functions, self.function_forces)
+        return ScenarioSource(type(self), document, folder, self.seed, self.given, self.functions, self.function_forces)
 
     def varied(self, values: Values) -> Self:
         """Return the scenario with other values.
@@ -171,15 +165,15 @@ class Scenario(Record, frozen=True):
 
     def with_document(self, document: Document) -> Self:
         """Return the scenario of another document; a loaded mechanism of which it says the same is kept."""
-        content = content_of(document)
-        other = replace(self, document=document, content=content, problem=problem_of(document, content.problem))
+        content = _content(document)
+        other = replace(self, document=document, content=content, problem=_problem(document, content.problem))
         same = self.loaded and self._mechanism_data == other._mechanism_data
         return other.with_mechanism(self.mechanism) if same else other
 
-    def with_mechanism(self, mechanism: MechanismParts) -> Self:
+    def with_mechanism(self, mechanism: Mechanism) -> Self:
         """Return the scenario with its mechanism as it has been loaded already."""
         other = replace(self)
-        vars(other)["mechanism"] = with_methods(mechanism)
+        vars(other)["mechanism"] = mechanism
         return other
 
     @property
@@ -210,13 +204,17 @@ class Scenario(Record, frozen=True):
     @cached_property
     def mechanism(self) -> Mechanism:
         """The mechanism, with the scenario's arguments and gravity, and controllers given in Python."""
+        return self.read_mechanism()
+
+    def read_mechanism(self) -> Mechanism:
+        """Return the mechanism, read anew; see ``mechanism``."""
         mechanism = self._read()
         if self.seed is not None:
             mechanism = mechanism.perturbed(self.seed)
         if self.functions:
             mechanism = replace(mechanism, control=(*mechanism.control, *self.functions))
         if not self.function_forces:
-            return with_methods(mechanism)
+            return mechanism
         from pinarm.mechanics.forces.force_element import check_new
         from pinarm.problems.control import MechanismPlant
 
@@ -224,9 +222,9 @@ class Scenario(Record, frozen=True):
         for force in self.function_forces:
             check_new(force.name, forces)
             forces[force.name] = force.bind(mechanism.model, mechanism.coordinates, plant)
-        return with_methods(replace(mechanism, forces=forces))
+        return replace(mechanism, forces=forces)
 
-    def _read(self) -> MechanismParts:
+    def _read(self) -> Mechanism:
         if self.given is not None:
             refuse_changes(self.document.data)
             return self.given
@@ -308,162 +306,11 @@ class Scenario(Record, frozen=True):
             return Simplification.whole(self._question, self.mechanism, self.content.accuracy, self.place)
         return Simplification.required(self._question, self.mechanism, self.content.accuracy, self.place)
 
-    def controlled(
-        self, control: Mapping[str | tuple[str, ...], ControlFunction], period: float | None = None, delay: float = 0.0
-    ) -> Self:
-        """Return the scenario with drives whose efforts are functions; see ``run``.
-
-        Raises:
-            InputError: It is no forward problem, a function cannot be called, or the period is not positive.
-        """
-        from pinarm.mechanics.control.function import function_controls
-
-        if self.problem.kind != "forward":
-            raise InputError(
-                f"the problem is of the kind '{self.problem.kind}': its motion is known",
-                expected="a forward problem, whose drives can react",
-            )
-        return replace(self, functions=(*self.functions, *function_controls(control, period, delay)))
-
-    def with_forces(self, forces: Mapping[str, tuple[str, ControlFunction]]) -> Self:
-        """Return the scenario with loads that are functions; see ``run``.
-
-        Raises:
-            InputError: One is no coordinate with a function.
-        """
-        from pinarm.mechanics.forces.function_effort import function_forces
-
-        return replace(self, function_forces=(*self.function_forces, *function_forces(forces)))
-
-    def run(
-        self,
-        control: Mapping[str | tuple[str, ...], ControlFunction] | None = None,
-        *,
-        period: float | None = None,
-        delay: float = 0.0,
-        forces: Mapping[str, tuple[str, ControlFunction]] | None = None,
-    ) -> Result:
-        """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
-
-        Args:
-            control: Drives whose efforts are functions: drive, or several in a tuple, -> ``u(t, state)``, which returns
-                an effort, or a sequence of them [N*m or N]; ``state["knee"]`` is a quantity of the present state [SI].
-                See docs/control.md.
-            period: Of sampled functions [s]: called once each period, their effort is held until the next; continuous
-                where it is left out.
-            delay: From a sample to the change of the effort [s].
-            forces: Loads that are functions, in problems of any kind: name -> coordinate that the load acts along, and
-                ``f(t, state)``, which returns an effort [N*m or N]: ``{"brake": ("knee", f)}``. It has to depend on its
-                arguments only, and to be smooth in them.
-
-        Raises:
-            PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
-        """
-        if control is None and (period is not None or delay):
-            raise InputError(
-                "a period or a delay is given, but no function", expected="control, with functions of drives"
-            )
-        asked = self.controlled(control, period, delay) if control is not None else self
-        asked = asked.with_forces(forces) if forces else asked
-        asked.check_answer_key()
-        return asked._reaching_target()
-
-    def _reaching_target(self) -> Result:
-        """Return the result; with ``accuracy.target``, at the cheapest setting whose error is below it."""
-        search = self.content.find
-        if self.content.accuracy.target is None or (search and search.objective):  # every run of which reaches it
-            return self.solve()
-        from pinarm.use.accuracy.tolerance_search import reach_target
-
-        return cast("Result", reach_target(self))
-
-    def with_workers(self, workers: int | None = None, executor: Executor | None = None) -> Self:
-        """Return the scenario whose searches and sensitivities give their runs to others; the numbers are the same.
-
-        Args:
-            workers: Processes of this machine; this process where it is left out. Of an executor, how many workers it
-                has, where it cannot tell.
-            executor: Who solves the runs in place of processes of this machine; see ``pinarm.sweep``. It has to live as
-                long as sections of results are asked for.
-
-        Raises:
-            InputError: There are less than one.
-        """
-        return replace(self, runners=Runners(workers, executor))
-
-    def verified(self) -> Result:
-        """Return the result with its global error estimated, and every row of it checked.
-
-        Raises:
-            PinarmError: See ``run``.
-        """
-        from pinarm.use.accuracy.error_estimate import estimate_errors
-
-        self.check_answer_key()
-        result = self._reaching_target()
-        run, rows = result.trajectory, len(result)
-        with one_blas_thread(self.mechanism.model.nv):
-            figures = plain({**power_balance(run, rows), **residual_figures(run, result.outcome.motion, rows)})
-        result = replace(result, figures={**result.figures, **figures})
-        if result.errors:
-            return result
-        scenario = self.restated(result.data) if "find" in result.known else self
-        return cast("Result", estimate_errors(scenario, result))
+    def run(self) -> Result:
+        raise NotImplementedError
 
     def solve(self) -> Result:
-        """Solve the problem once, at its own setting; with ``find``, for the values that bring about what is wanted.
-
-        Raises:
-            PinarmError: See ``run``.
-        """
-        self.check_presentation()
-        if self.problem.kind == "recorded":  # the headings say what can be asked: a long table is not read in vain
-            self.document.with_each("outputs", self.content.outputs, self.quantities().__getitem__)
-        if self.content.find:
-            from pinarm.use.scenario.searches import solve_found
-
-            return cast("Result", solve_found(self, self.content.find))
-        try:
-            with failures_in_words():
-                return self.solve_once()
-        except NumericsError as error:
-            if isinstance(error.partial, Outcome):
-                error.partial = self.broken_off(error.partial, error.message)
-            raise
-
-    def validate(self) -> None:
-        """Check everything that can be checked without solving: the model, all names, all units.
-
-        Raises:
-            PinarmError: Something is wrong; the message says where.
-        """
-        self._check_asked()
-        self.quantities().check_symbols(self.symbols, self.document.locating)
-        for name in self.content.variants:
-            with self.document.locating("variants", name):
-                self.variant(name)._check_asked()
-
-    def _check_asked(self) -> None:
-        """Check what is solved and what is asked of it; symbols of variants that do not ask for them may be others'."""
-        self.require_memory()
-        with failures_in_words():
-            self.problem.prepare(self.mechanism, self.content.accuracy, self.place)
-            quantities = self.quantities()
-            self.document.with_each("outputs", self.content.outputs, quantities.__getitem__)
-            self.check_presentation()
-            if self.content.numbers:
-                from pinarm.use.result.numbers import read_number
-            for index, text in enumerate(self.content.numbers):
-                with self.document.locating("numbers", index):
-                    read_number(text).described(quantities, self.numbered)
-            if self.content.find:
-                from pinarm.use.scenario.searches import check_search
-
-                check_search(self, self.content.find, quantities)
-            for key, assessment in self.content.assessments.items():
-                with self.document.locating(key):
-                    assessment.check_names(quantities, self)
-        self.check_answer_key()
+        raise NotImplementedError
 
     def prescribed_table(self) -> PrescribedTable | None:
         """Return the prescribed motion and its rows, with nothing solved; ``None`` where laws do not determine it."""
@@ -616,44 +463,92 @@ class Scenario(Record, frozen=True):
 
 
 class ScenarioSource(Record, frozen=True):
-    """Source from which another process reads a scenario: its fields, with absolute paths."""
+    """Source from which another process reads a scenario: its class and fields, with absolute paths."""
 
+    kind: type[Scenario]
     document: Document
     folder: Path
     seed: int | None
-    given: MechanismParts | None
+    given: Mechanism | None
     functions: tuple[FunctionControl, ...]
     function_forces: tuple[FunctionForce, ...]
 
     def scenario(self) -> Scenario:
         fields = {name: getattr(self, name) for name in ("seed", "given", "functions", "function_forces")}
-        return replace(Scenario.of(self.document, self.folder), **fields)
+        return replace(self.kind.of(self.document, self.folder), **fields)
 
 
-Given = Scenario | str | Path | Mapping[str, Any]
-"""A scenario, its file, or what such a file would hold as plain data."""
+def _shown_quantity(name: str, quantities: Quantities, presentation: Presentation) -> Series:
+    """Return a quantity that is to be shown in another unit; an error names the words for kinds too."""
+    try:
+        return quantities[name]
+    except InputError as error:
+        if name in UNIT_KINDS:
+            expected = f"a unit such as {' or '.join(UNIT_KINDS[name])}"
+            raise InputError(f"'{presentation.units[name]}' is no unit of '{name}'", expected=expected) from None
+        expected = f"{error.expected}; or a kind: {', '.join(UNIT_KINDS)}"
+        raise InputError(error.message, expected=expected, hint=error.hint) from None
 
 
-def load(scenario: Given, values: Values | None = None) -> Scenario:
-    """Read and check a scenario file; nothing is computed before ``run``.
+def _with_digits(document: Document) -> Document:
+    """Return a scenario whose answer key has its values as text, the last digit of which says how exact they are.
 
-    Args:
-        scenario: The file; or what such a file would hold, ``{"pinarm": 1, "mechanism": "panda", ...}``, with paths
-            relative to the working folder, and a ``Mechanism``, or the data of its file, in place of the file; or a
-            scenario that has been read, of which values are to be replaced.
-        values: Other values than those of the file: ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}``, or texts
-            ``["problem.time.end=3 s"]``. A bare number is in SI, and allowed where the file has an SI unit or none.
-
-    Raises:
-        InputError: The file cannot be read or has a mistake, or a path leads nowhere; the message says where.
+    Of ``1.50`` and ``1.5e3`` a number keeps 1.5 and 1500.0.
     """
-    if isinstance(scenario, Mapping):
-        scenario = Scenario.of_data(scenario)
-    if isinstance(scenario, Scenario):
-        return scenario.varied(values) if values else scenario
-    if not isinstance(scenario, str | PathLike):
-        raise InputError(
-            f"a value of the type {type(scenario).__name__} is no scenario",
-            expected="a Scenario, its file, or a map of what the file would hold",
-        )
-    return Scenario.load(scenario, values)
+    entries = document.data.get("expect") if isinstance(document.data, dict) else None
+    if not isinstance(entries, list):
+        return document
+    written = list(entries)
+    for k, entry in enumerate(entries):
+        value = entry.get("value") if isinstance(entry, dict) else None
+        if isinstance(value, float) and math.isfinite(value):
+            written[k] = {**entry, "value": document.written(("expect", k, "value"))}
+    return replace(document, data={**document.data, "expect": written})
+
+
+def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
+    """Return the unit that a scenario's mechanism file has at a path below ``arguments`` or ``changes``, if any."""
+    if path.startswith("changes."):
+        return written_unit(mechanism_data(data, folder), path.removeprefix("changes."))
+    if not path.startswith("arguments."):
+        return ""
+    file, name = mechanism_data(data, folder), argument_of(path)
+    declared = file.get("arguments")
+    unit_of_model = str(declared.get(name, "")) if isinstance(declared, dict) else ""
+    return unit_of_model or written_unit(file, f"parameters.{name}")
+
+
+def mechanism_data(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """Return the content of the mechanism file of a scenario, a drawing included; empty where there is no such file."""
+    wanted = data.get("mechanism")
+    if not isinstance(wanted, str) or not Path(wanted).suffix:
+        return {}
+    try:
+        file = mechanism_document(contained_file((folder / wanted).absolute(), root_of(folder), {})).data
+    except InputError:  # whoever needs the mechanism says what is wrong with it
+        return {}
+    return file if isinstance(file, dict) else {}
+
+
+def _content(document: Document) -> ScenarioFile:
+    """Validate a scenario; of keys that belong elsewhere, say where."""
+    try:
+        return document.validate(ScenarioFile)
+    except InputError:
+        refuse_misplaced_keys(document, KEYS)
+        raise
+
+
+def _problem(document: Document, given: object) -> Problem:
+    """Validate the part of the document that holds the question, by the class of its kind."""
+    if not isinstance(given, dict) or "kind" not in given:
+        missing = "the key 'kind' is missing: it says which kind of problem this is"
+        raise InputError(missing, expected=", ".join(KINDS)).at(document.locate(("problem",)))
+    with document.locating("problem", "kind"):
+        model = problem_class(given["kind"])
+    try:
+        problem: Problem = document.validate(model, "problem")
+    except InputError:
+        refuse_misplaced_keys(document, KEYS, "problem")
+        raise
+    return problem

@@ -31,8 +31,8 @@ from pinarm.input.roots import ENDINGS, contained_file, robots, root_of
 from pinarm.input.yaml.document import Document
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.joints import METRE, Joint
+from pinarm.use.facade import Scenario
 from pinarm.use.output import reason, write_new_file
-from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.store.save import LawTables
 from pinarm.use.store.save import mechanism_text as saved_mechanism
 

@@ -28,9 +28,9 @@ from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplification import Removal
 from pinarm.records import replace
+from pinarm.use.facade import Scenario
 from pinarm.use.mechanism import with_methods
 from pinarm.use.result.failures import failures_in_words
-from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.show.text import counted
 from pinarm.use.study.quantities import Subject, subject
 from pinarm.use.study.run import run

@@ -23,10 +23,11 @@ from pinarm.input.yaml.document import Values
 from pinarm.language import document, in_language, said, spoken, told
 from pinarm.mechanics.joints import links_behind, links_of
 from pinarm.mechanics.loading.model_tree import inertia
+from pinarm.use.facade import Scenario, load
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
 from pinarm.use.study.answers.check import compare, computed_rows, wanted_rows
 
 NUMBER, FORMULA = 0.01, 1e-6
@@ -333,7 +334,7 @@ def _others(result: Result, quantity: str, right: Array, rows: Rows) -> Iterator
             yield words, result.quantities[other].values
 
 
-def _without(scenario: Scenario) -> Iterator[tuple[str, Callable[[], Scenario]]]:
+def _without(scenario: ScenarioRecord) -> Iterator[tuple[str, Callable[[], ScenarioRecord]]]:
     """Yield the mistake to forget terms, and the scenario in which the model does not have them."""
     mechanism = scenario.mechanism
     if mechanism.gravity:
@@ -345,7 +346,7 @@ def _without(scenario: Scenario) -> Iterator[tuple[str, Callable[[], Scenario]]]
             yield said("{name} is forgotten", name=name), partial(scenario.varied, trace)
 
 
-def _of_points(scenario: Scenario) -> Scenario:
+def _of_points(scenario: ScenarioRecord) -> ScenarioRecord:
     model = pin.Model(scenario.mechanism.model)
     for joint in range(1, model.njoints):
         body = model.inertias[joint]

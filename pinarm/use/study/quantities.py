@@ -15,8 +15,9 @@ from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document, Values, joined
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid
-from pinarm.use.scenario.file_kind import is_mechanism, mechanism_data, refuse_folder
-from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.facade import Scenario, load
+from pinarm.use.scenario.file_kind import is_mechanism, refuse_folder
+from pinarm.use.scenario.scenario import mechanism_data
 
 Subject: TypeAlias = str | Path | Mechanism | Scenario | Mapping[str, Any]
 """A scenario or a mechanism, the data or the file of either, a model file, or the name of a robot."""

@@ -15,9 +15,8 @@ from pinarm.engine.series import require_unit
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import SECOND
 from pinarm.problems.recorded import check_rows, named_columns
-from pinarm.use.facade import Result
+from pinarm.use.facade import Result, Scenario
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.scenario.scenario import Scenario
 
 
 def result(

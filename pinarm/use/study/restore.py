@@ -18,12 +18,11 @@ from pinarm.engine.mechanism_loading import read_mechanism
 from pinarm.errors import InputError, require_path
 from pinarm.problems.simplification import Removal
 from pinarm.records import replace
-from pinarm.use.facade import Result
+from pinarm.use.facade import Result, Scenario
 from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.output import complete_folder, read_manifest
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.stored_rows import AGAIN, result_of
-from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.store.files import SECTIONS, read_sections
 from pinarm.use.study.recorded import result as recorded_result
 

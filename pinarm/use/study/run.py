@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document, Values
-from pinarm.use.facade import Result
+from pinarm.use.facade import Given, Result, Scenario, load
 from pinarm.use.scenario.file_kind import is_mechanism
-from pinarm.use.scenario.scenario import Given, Scenario, load
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

@@ -25,10 +25,11 @@ from pinarm.use.accuracy.integration_settings import (
     step_limit,
     with_setting,
 )
+from pinarm.use.facade import Given, Scenario, load
 from pinarm.use.output import whole_folder
 from pinarm.use.result.number_accuracy import output_scales
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Given, Scenario, load
+from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
 from pinarm.use.show.text import aligned
 from pinarm.use.store.files import json_text, write
 
@@ -238,7 +239,7 @@ def _tried_settings(scenario: Scenario, against: Reference) -> list[TriedSetting
     return tried
 
 
-def _timed(scenario: Scenario, least: float = 0.0) -> tuple[Result | None, float, NumericsError | None]:
+def _timed(scenario: ScenarioRecord, least: float = 0.0) -> tuple[Result | None, float, NumericsError | None]:
     """Return the result, the shortest wall time of repeated solutions [s], and why there is no result."""
     assert scenario.mechanism  # loaded before the clock runs
     seconds: list[float] = []

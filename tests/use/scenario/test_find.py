@@ -9,7 +9,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError, PinarmError
-from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.facade import Scenario
 
 ROOT = Path(pinarm.__file__).parents[1]
 ARM = """

@@ -24,13 +24,13 @@ from pinarm.input.units import Unit, half_last_digit, read_quantity
 from pinarm.input.yaml.document import Values
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import replace
+from pinarm.use.facade import Given
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import ERRATA, Expectation
 from pinarm.use.result.measures import ZERO, natural_sizes
 from pinarm.use.result.numbers import RunNumber, measured, names_number, read_number
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
-from pinarm.use.scenario.scenario import Given
 from pinarm.use.show.text import aligned
 from pinarm.use.study.run import run, scenarios
 

@@ -26,10 +26,10 @@ from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.cases.case import UNMEASURED, Case, Row, Taken, Task, Wanted, solved_case
 from pinarm.use.cases.solving import row_of
-from pinarm.use.facade import Result
+from pinarm.use.facade import Given, Result, Scenario, load
 from pinarm.use.output import whole_folder
 from pinarm.use.result.result import Result as ResultRecord
-from pinarm.use.scenario.scenario import Given, Scenario, load
+from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
 from pinarm.use.store.files import write, write_arrays
 from pinarm.use.store.save import arrays, csv
 from pinarm.use.study.sweep.axes import Axis, Cases, Column
@@ -96,7 +96,7 @@ def _reduced(measure: Measure, t: Array, x: Array) -> float:
     return float(REDUCTIONS[measure](t, x) if isinstance(measure, str) else np.percentile(x, measure))
 
 
-def _instants(scenario: Scenario) -> Array:
+def _instants(scenario: ScenarioRecord) -> Array:
     return cast("Forward", scenario.problem).time.instants()
 
 

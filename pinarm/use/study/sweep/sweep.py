@@ -16,7 +16,7 @@ from pinarm.input.roots import noting_files
 from pinarm.input.yaml.document import Values, require_apart
 from pinarm.records import replace
 from pinarm.use.cases.case import FunctionValue, Taken, Task, Wanted
-from pinarm.use.scenario.scenario import Given, Scenario, load
+from pinarm.use.facade import Given, Scenario, load
 from pinarm.use.study.sweep.axes import Cases, axes_of
 from pinarm.use.study.sweep.branches import ALL, MEASURE, RAW, ModeValues
 from pinarm.use.study.sweep.solving import Solving
