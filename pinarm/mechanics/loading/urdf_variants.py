@@ -7,7 +7,7 @@ is computed for the first variant is compared with its model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from xml.etree.ElementTree import Element, tostring
 
@@ -40,8 +40,6 @@ KEPT = 4
 Columns = Mapping[str, Array]
 """A word in an attribute -> the numbers of the variants in its place, shape (k,)."""
 
-IDENTITY = VariantPlacement.of(pin.SE3.Identity())
-
 
 def model_variants(model: pin.Model, xml: str, marked: str, columns: Columns) -> tuple[ModelVariants, Flags]:
     """Return variants of a model, and which of them are models at all, shape (k,).
@@ -49,7 +47,71 @@ def model_variants(model: pin.Model, xml: str, marked: str, columns: Columns) ->
     Args:
         marked: The same text, with words of ``columns`` where numbers vary.
     """
-    return _Variants(model, _tree_of(xml), _Numbers(columns), _marked(marked, (*columns,))).read()
+    robot, tree, numbers = _marked(marked, (*columns,)), _tree_of(xml), _Numbers(columns)
+    inertials = {link.get("name", ""): link.find("inertial") for link in robot.iterfind("link")}
+    places, moved = _placements(model, tree, robot, numbers)
+    sums, possible = dict[int, Array](), np.ones(numbers.count, dtype=bool)
+    for link, place in places.items():
+        own, sound = numbers.parameters(inertials.get(link), tree.links[link], place)
+        joint = _frame(model, link).parentJoint
+        sums[joint], possible = sums.get(joint, 0.0) + own, possible & sound
+    bodies = {joint: sums[joint] for joint in sorted(sums) if joint and len(sums[joint]) > 1}
+    for joint, parameters in bodies.items():
+        if not parameters[0, 0] > 0.0:
+            raise VariantsDiffer("a body without mass")
+        possible &= (np.abs(parameters).max(axis=1) <= FARTHEST) & (parameters[:, 0] >= LIGHTEST)
+        _same(parameters[0], model.inertias[joint].toDynamicParameters())
+    for joint, place in moved.items():
+        possible &= np.abs(place.translation).max(axis=1) <= FARTHEST
+        possible &= np.isfinite(place.rotation).all(axis=(1, 2))
+        _same(place.rotation[0], model.jointPlacements[joint].rotation)
+        _same(place.translation[0], model.jointPlacements[joint].translation)
+    stacked = _stacked([*bodies.values()], numbers.count, PARAMETERS)
+    stacked[~possible] = stacked[0]  # finite numbers for what is not looked at
+    turns = _stacked([place.rotation for place in moved.values()], numbers.count, 3, 3)
+    shifts = _stacked([place.translation for place in moved.values()], numbers.count, 3)
+    frames = [*_frames(model, tree, places)]
+    return ModelVariants(model, frames, (*bodies,), stacked, (*moved,), turns, shifts), possible
+
+
+def _placements(
+    model: pin.Model, tree: Tree, robot: Element, numbers: _Numbers
+) -> tuple[dict[str, VariantPlacement], dict[int, VariantPlacement]]:
+    """Return where links are on their joints, by name, and the joints whose placements vary, by index."""
+    origins = {joint.get("name", ""): joint.find("origin") for joint in robot.iterfind("joint")}
+    places, moved = {tree.root: VariantPlacement.of(pin.SE3.Identity())}, dict[int, VariantPlacement]()
+    for joint in tree.joints:
+        origin = origins.get(joint.name)
+        varies = origin is not None and numbers.vary(origin)
+        own = numbers.placement(origin) if varies else VariantPlacement.of(joint.placement)
+        place, still = places[joint.parent] * own, VariantPlacement.of(_frame(model, joint.child).placement)
+        places[joint.child] = still if place.alike or joint.kind != "fixed" else place
+        if not place.alike and joint.kind != "fixed":
+            if joint.kind not in ("revolute", "prismatic", "ball"):
+                raise VariantsDiffer(f"origin of the {joint.kind} joint '{joint.name}'")
+            moved[model.getJointId(joint.name)] = place
+    return places, moved
+
+
+def _frames(model: pin.Model, tree: Tree, places: Mapping[str, VariantPlacement]) -> Iterator[VariantFrame]:
+    """Yield the frames of a model; where any varies, those of links and of the world have known placements alone."""
+    still = all(place.alike for place in places.values())
+    for index, frame in enumerate(model.frames.tolist()):
+        known = frame.name in tree.links and frame.type == pin.FrameType.BODY
+        placed = places[frame.name] if known else VariantPlacement.of(frame.placement) if still or not index else None
+        yield VariantFrame(frame.name, frame.type, frame.parentJoint, placed)
+
+
+def _frame(model: pin.Model, link: str) -> pin.Frame:
+    return model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+
+
+def _stacked(arrays: Sequence[Array], count: int, *shape: int) -> Array:
+    """Return arrays of k variants, or of one for all, side by side, shape (k, number, ..)."""
+    stacked = np.zeros((count, len(arrays), *shape))
+    for number, array in enumerate(arrays):
+        stacked[:, number] = array
+    return stacked
 
 
 @lru_cache(KEPT)
@@ -92,114 +154,30 @@ class _Numbers:
 
     def placement(self, origin: Element | None) -> VariantPlacement:
         if origin is None:
-            return IDENTITY
+            return VariantPlacement.of(pin.SE3.Identity())
         if "quat_xyzw" in origin.attrib:
             raise VariantsDiffer("an origin with a quaternion")
         shift, angles = (self.read(origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
         return VariantPlacement(_turns(angles), shift)
 
-
-class _Variants:
-    """Model and tree of the first variant beside the numbers of all."""
-
-    def __init__(self, model: pin.Model, tree: Tree, numbers: _Numbers, robot: Element) -> None:
-        self.model, self.tree, self.numbers = model, tree, numbers
-        self.possible = np.ones(numbers.count, dtype=bool)
-        self.origins = {
-            joint.get("name", ""): numbers.placement(origin)
-            for joint in robot.iterfind("joint")
-            if (origin := joint.find("origin")) is not None and numbers.vary(origin)
-        }
-        self.inertials = {
-            link.get("name", ""): inertial
-            for link in robot.iterfind("link")
-            if (inertial := link.find("inertial")) is not None and any(map(numbers.vary, inertial))
-        }
-
-    def read(self) -> tuple[ModelVariants, Flags]:
-        places, moved = self._placements()
-        frames = [*map(self._frame_of, self.tree.links)]
-        varied = {frame.parentJoint for frame in frames if frame.name in self.inertials or frame.name in places} - {0}
-        bodies = {joint: np.zeros((self.numbers.count, PARAMETERS)) for joint in sorted(varied)}
-        for frame in frames:
-            if frame.parentJoint in bodies or frame.name in self.inertials:
-                place = places.get(frame.name) or VariantPlacement.of(frame.placement)
-                own = self._parameters(frame.name, place)
-                if frame.parentJoint:  # that of the world is only checked
-                    bodies[frame.parentJoint] = bodies[frame.parentJoint] + own
-        for joint, parameters in bodies.items():
-            if not parameters[0, 0] > 0.0:
-                raise VariantsDiffer("a body without mass")
-            self._allow((np.abs(parameters).max(axis=1) <= FARTHEST) & (parameters[:, 0] >= LIGHTEST))
-            _same(parameters[0], self.model.inertias[joint].toDynamicParameters())
-        for joint, place in moved.items():
-            self._allow(
-                (np.abs(place.translation).max(axis=1) <= FARTHEST) & np.isfinite(place.rotation).all(axis=(1, 2))
-            )
-            _same(place.rotation[0], self.model.jointPlacements[joint].rotation)
-            _same(place.translation[0], self.model.jointPlacements[joint].translation)
-        for parameters in bodies.values():
-            parameters[~self.possible] = parameters[0]  # finite numbers for what is not looked at
-        return self._stacked(bodies, moved, places), self.possible
-
-    def _allow(self, possible: Flags) -> None:
-        self.possible = np.asarray(self.possible & possible, dtype=bool)
-
-    def _stacked(
-        self, bodies: Mapping[int, Array], moved: Mapping[int, VariantPlacement], places: Mapping[str, VariantPlacement]
-    ) -> ModelVariants:
-        k = self.numbers.count
-        parameters = np.zeros((k, len(bodies), PARAMETERS))
-        turns, shifts = np.zeros((k, len(moved), 3, 3)), np.zeros((k, len(moved), 3))
-        for number, own in enumerate(bodies.values()):
-            parameters[:, number] = own
-        for number, place in enumerate(moved.values()):
-            turns[:, number], shifts[:, number] = place.rotation, place.translation
-        frames = list[VariantFrame]()
-        for frame in self.model.frames.tolist():
-            link = frame.name in self.tree.links and frame.type == pin.FrameType.BODY
-            known = link or not frames or not places  # the first is the world
-            placed = (places.get(frame.name) or VariantPlacement.of(frame.placement)) if known else None
-            frames.append(VariantFrame(frame.name, frame.type, frame.parentJoint, placed))
-        return ModelVariants(self.model, frames, (*bodies,), parameters, (*moved,), turns, shifts)
-
-    def _frame_of(self, link: str) -> pin.Frame:
-        return self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
-
-    def _placements(self) -> tuple[dict[str, VariantPlacement], dict[int, VariantPlacement]]:
-        """Return links that are fixed elsewhere on their joint, by name, and joints that are, by index."""
-        places, moved = dict[str, VariantPlacement](), dict[int, VariantPlacement]()
-        for joint in self.tree.joints:
-            origin = self.origins.get(joint.name)
-            if origin is None and joint.parent not in places:
-                continue
-            if joint.kind not in ("fixed", "revolute", "prismatic", "ball"):
-                raise VariantsDiffer(f"origin of the {joint.kind} joint '{joint.name}'")
-            parent = places.get(joint.parent) or VariantPlacement.of(self._frame_of(joint.parent).placement)
-            place = parent * (origin or VariantPlacement.of(joint.placement))
-            if joint.kind == "fixed":
-                places[joint.child] = place
-            else:
-                moved[self.model.getJointId(joint.name)] = place
-        return places, moved
-
-    def _parameters(self, link: str, place: VariantPlacement) -> Array:
-        """Return dynamic parameters of a link, shape (k, 10), or (1, 10) where it does not vary; see ``PARAMETERS``.
+    def parameters(
+        self, inertial: Element | None, first: pin.Inertia, place: VariantPlacement
+    ) -> tuple[Array, Flags | bool]:
+        """Return dynamic parameters of a link, (k, 10), or (1, 10) where it does not vary, and which are of a body.
 
         Args:
+            first: Inertia of the link in the first variant.
             place: Where the link is on its joint.
         """
-        inertial, numbers = self.inertials.get(link), self.numbers
-        if inertial is None:
-            body = self.tree.links[link]
-            return _carried(np.array([body.mass]), place, body.lever[None], body.inertia[None])
+        if inertial is None or not any(map(self.vary, inertial)):
+            return _carried(np.array([first.mass]), place, first.lever[None], first.inertia[None]), True
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         if mass is None or inertia is None:
-            raise VariantsDiffer(f"link '{link}'")
+            raise VariantsDiffer("a mass without moments of inertia")
         text = (inertia.get(key, "0") for key in ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz"))
-        moments, masses = numbers.read(" ".join(text)).reshape(-1, 3, 3), numbers.read(mass.get("value", ""))[:, 0]
-        self._allow(~impossible(moments) & (masses >= 0.0))
-        return _carried(masses, place * numbers.placement(inertial.find("origin")), np.zeros((1, 3)), moments)
+        moments, masses = self.read(" ".join(text)).reshape(-1, 3, 3), self.read(mass.get("value", ""))[:, 0]
+        own = _carried(masses, place * self.placement(inertial.find("origin")), np.zeros((1, 3)), moments)
+        return own, ~impossible(moments) & (masses >= 0.0)
 
 
 def _carried(mass: Array, place: VariantPlacement, centre: Array, moments: Array) -> Array:
