@@ -28,7 +28,7 @@ from pinarm.input.roots import (
 from pinarm.input.roots import robot as robot_file
 from pinarm.input.units import decimal
 from pinarm.input.xacro.expander import check_declared, expand
-from pinarm.input.xml_text import MAX_BYTES, Element, UnknownName, location_of, read, resolve_includes, tree_of
+from pinarm.input.xml_text import MAX_BYTES, UnknownName, first_place, read, resolve_includes
 from pinarm.mechanics.description import Gravity, MechanismDescription
 from pinarm.mechanics.loading.model_tree import MeshMass
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
@@ -129,20 +129,13 @@ def _of_file(
     return replace(robot, notes=(*robot.notes, *notes)), expansion.arguments, source
 
 
-_NAMED = r"(link|joint|body) '([^']+)'"
-
-
 def _place(error: ModelError, path: Path) -> Location:
     """Return the line of a model's file with an unknown name, or with the link or joint which a message begins with."""
-    source, named = str(path), re.match(_NAMED, error.message)
-    if isinstance(error, UnknownName):
-        return error.place(read(path, source, MAX_BYTES), source)
-    if named:
-        text = read(path, source, MAX_BYTES)
-        elements = [part for part in tree_of(text, source).iter(named[1]) if part.get("name") == named[2]]
-        if len(elements) == 1 and isinstance(elements[0], Element):
-            return location_of(elements[0], text)
-    return Location(source)
+    pattern = error.pattern if isinstance(error, UnknownName) else ""
+    if named := re.match(r"(link|joint|body) '([^']+)'", error.message):
+        pattern = rf"<{named[1]}\s[^>]*\bname\s*=\s*[\"']{re.escape(named[2])}[\"']"
+    source = str(path)
+    return first_place(pattern, read(path, source, MAX_BYTES), source) if pattern else Location(source)
 
 
 def numeric(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:

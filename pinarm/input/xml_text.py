@@ -7,6 +7,7 @@ counted, and listed as not read. Names with a prefix belong to other formats.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -204,29 +205,23 @@ Parents = Sequence[ElementTree.Element]
 
 
 class UnknownName(ModelError):
-    """A misprint of the name of an element or attribute.
-
-    Attributes:
-        parent: Tag of the element around it; empty for the outermost.
-        attribute: The attribute; ``None`` where the element itself is unknown.
-    """
+    """A misprint of the name of an element or attribute; ``pattern`` finds it in the text of a file."""
 
     def __init__(self, around: Parents, tag: str, attribute: str | None, known: Iterable[str]) -> None:
         owner = _words(around)
         message = f"{owner} contains no <{tag}>" if attribute is None else f"{owner} has no attribute '{attribute}'"
         super().__init__(message, expected=choices("", known, most=40)[0], hint=meant_by(attribute or tag, known))
-        parents = around if attribute is None else around[:-1]
-        self.parent, self.tag, self.attribute = parents[-1].tag if parents else "", tag, attribute
+        self.pattern = rf"(?<=<){re.escape(tag)}\b" if attribute is None else rf"(?<=\s){re.escape(attribute)}(?=\s*=)"
 
-    def place(self, text: str, source: str) -> Location:
-        """Return where it is in the text of a model's file; the file alone where it is not in it."""
-        for parent in [None, *(root := tree_of(text, source)).iter()]:
-            for element in [root] if parent is None else parent:
-                wanted = self.attribute is None or self.attribute in element.attrib
-                tags = parent.tag if parent is not None else "", element.tag
-                if wanted and tags == (self.parent, self.tag) and isinstance(element, Element):
-                    return location_of(element, text, self.attribute or self.tag)
+
+def first_place(pattern: str, text: str, source: str) -> Location:
+    """Return the first match of a pattern in a text, outside of comments; the file alone where there is none."""
+    bare = re.sub("<!--.*?-->", lambda comment: re.sub(".", " ", comment[0]), text, flags=re.DOTALL)
+    if (match := re.search(pattern, bare)) is None:
         return Location(source)
+    begin = match.start()
+    column = begin - bare.rfind("\n", 0, begin)
+    return location(source, text, bare.count("\n", 0, begin) + 1, column, len(match[0]))
 
 
 def check_names(root: ElementTree.Element, known: Format) -> Counter[str]:

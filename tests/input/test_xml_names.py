@@ -3,7 +3,7 @@
 import pytest
 
 from pinarm.errors import ModelError
-from pinarm.input.xml_text import UnknownName, check_names, counted, format_names, tree_of
+from pinarm.input.xml_text import UnknownName, check_names, counted, first_place, format_names, tree_of
 
 KNOWN = format_names({
     "room": "> shelf* door",
@@ -61,13 +61,13 @@ def test_a_misprint_is_refused(text, message, hint):
 
 
 def test_its_place_is_that_of_the_element_around_it():
-    """A comment, or the same name where it is known, is no place of it."""
+    """A comment is no place of it."""
     text = (
         '<room>\n<!-- <board nam="1"> -->\n <shelf name="x">\n <board\n  nam="1"/></shelf>\n <board name="1"/></room>'
     )
     with pytest.raises(UnknownName) as caught:
         check(text)
-    place = caught.value.place(text, "room.xml")
+    place = first_place(caught.value.pattern, text, "room.xml")
     assert (place.source, place.line) == ("room.xml", 5)
-    assert str(caught.value.place("<room><shelf>\n  <board nam='1'/></shelf></room>", "f")) == "f:2:10"
-    assert caught.value.place("<room/>", "other.xml").line == 0
+    assert str(first_place(caught.value.pattern, "<room><shelf>\n  <board nam='1'/></shelf></room>", "f")) == "f:2:10"
+    assert first_place(caught.value.pattern, "<room/>", "other.xml").line == 0

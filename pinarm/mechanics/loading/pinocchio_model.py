@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Literal
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, listed, several
-from pinarm.input.xml_text import is_foreign, tree_of
+from pinarm.input.xml_text import tree_of
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_forces import CREEP
@@ -79,7 +79,7 @@ def build_model(
         creep: Velocity below which dry friction decreases that is to be regularised [rad/s or m/s]; ``None`` where it
             sticks. That of ball joints is regularised in any case. Infinite: there is no dry friction.
     """
-    xml, tree = _read(xml, name)
+    tree = _read(xml, name)
     if base is not None:
         _set_base(tree, base)
     if tree.defects and defects == "refused":
@@ -104,24 +104,15 @@ def _moving(parts: Iterable[TreeJoint]) -> list[TreeJoint]:
     return [part for part in parts if part.kind != "fixed"]
 
 
-def _read(xml: str, name: str) -> tuple[str, Tree]:
-    """Return the text of a model without elements and attributes of other formats, which have prefixes; its tree."""
-    root = tree_of(xml)
+def _read(xml: str, name: str) -> Tree:
     try:
-        tree = _tree(root, name)
+        tree = _tree(tree_of(xml), name)
         tree.keep_known_mimics()
         _require_reach(tree)
     except ArithmeticError as error:
         problem = f"a number that follows from the model is beyond all numbers ({error})"
         raise ModelError(problem, hint="sizes and masses below 1e50") from None
-    foreign = False
-    for element in root.iter():
-        own = [child for child in element if not is_foreign(child.tag)]
-        keys = [key for key in element.attrib if is_foreign(key) and not key.startswith("xmlns:")]
-        foreign, element[:] = foreign or bool(keys) or len(own) < len(element), own
-        for key in keys:
-            del element.attrib[key]
-    return ElementTree.tostring(root, encoding="unicode") if foreign else xml, tree
+    return tree
 
 
 def _require_reach(tree: Tree) -> None:
@@ -148,7 +139,7 @@ def _require_small(where: str, what: str, values: Array | float, most: float, me
         )
 
 
-def _tree(root: ElementTree.Element, name: str) -> Tree:
+def _tree(root: Element, name: str) -> Tree:
     if name and root.tag != "sdf":
         raise ModelError(f"the file is no SDF, of which one could ask for the model '{name}'", hint="no key 'model'")
     if root.tag == "mujoco":
@@ -342,4 +333,4 @@ def _said(tree: Tree, regularised: Mapping[str, float], creep: float) -> Iterato
 
 def file_suffix(xml: str) -> str:
     """Return the suffix of a file with this model text."""
-    return {"mujoco": ".xml", "sdf": ".sdf"}.get(ElementTree.fromstring(xml).tag, ".urdf")
+    return {"mujoco": ".xml", "sdf": ".sdf"}.get(tree_of(xml).tag, ".urdf")

@@ -28,7 +28,7 @@ from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices, listed
 from pinarm.input.xml_text import MAX_LINKS, bound, check_names, counted, format_names, meant_by
 from pinarm.mechanics.loading.model_tree import Bounds, Kind, Mimic, Tree, TreeJoint, depth_first
-from pinarm.mechanics.loading.values import DIAGONAL, Part, known, rotation, solid_inertia
+from pinarm.mechanics.loading.values import DIAGONAL, Part, known, rotation
 from pinarm.records import Record, ValueRecord, replace
 
 SDF = format_names({
@@ -80,15 +80,6 @@ ALIGNED = 1e-6
 
 SECOND = ".axis2"
 """End of the name of the second joint of a universal one."""
-
-WATER = 1000.0
-"""Density of a collision that gives none [kg/m^3]."""
-
-SOLIDS = {
-    "box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
-    "ellipsoid": ("radii",),
-}  # fmt: skip
-"""Shape of a ``<geometry>`` -> the elements with its sizes [m]."""
 
 Step = tuple[str, Kind, str]
 _CROSS: tuple[str, tuple[Step, ...]] = "universal", ((".axis", "revolute", "axis"), (SECOND, "revolute", "axis2"))
@@ -313,39 +304,15 @@ def _inertia(link: Element, tree: Tree) -> pin.Inertia:
         return tree.body(1.0, pin.SE3.Identity(), np.eye(3), where)
     said = Part.inside(where, inertial, inertial.find("inertia"))
     if Part.of(where, inertial).is_true("auto"):
-        return _solids(link, said, tree)
+        raise ModelError(
+            f"{where}: its inertia is to be computed of its collisions (auto), which is not read",
+            expected="<mass> and <inertia> in its <inertial>",
+        )
     if missing := [key for key in ("mass", *DIAGONAL) if key not in said.texts]:
         amounts = "1 kg" if missing == ["mass"] else "1 kg*m^2" if "mass" not in missing else "1 kg and 1 kg*m^2"
         tree.notes.append(f"{where}: its <inertial> has no {', '.join(missing)}, and by the format {amounts}")
     place = _pose_in_link(inertial, f"{where}: inertial")
     return tree.body(said.number("mass", 1.0), place, said.moments(1.0), where)
-
-
-def _solids(link: Element, said: Part, tree: Tree) -> pin.Inertia:
-    """Return the inertia of a link with ``auto="true"``: of its collision shapes, by density, or by a mass of all."""
-    total = pin.Inertia.Zero()
-    for collision in link.findall("collision"):
-        where = f"{said.where}: collision '{collision.get('name', '')}'"
-        shape = next((shape for shape in collision.findall("geometry/*") if shape.tag in SOLIDS), None)
-        if shape is None:
-            raise ModelError(
-                f"{where}: the mass of its shape is not computed",
-                expected=f"one of {', '.join(SOLIDS)}",
-                hint="<mass> and <inertia> in the <inertial> of the link",
-            )
-        part, keys = Part.inside(where, collision, shape), SOLIDS[shape.tag]
-        counts = [3 if key in ("size", "radii") else 1 for key in keys]
-        sizes = np.concatenate([part.numbers(key, count) for key, count in zip(keys, counts, strict=True)])
-        density = part.number("density", said.number("density", WATER))
-        if density < 0.0 or not (sizes > 0.0).all():
-            raise ModelError(f"{where}: its density or a size of it is not positive")
-        halved = sizes * {"box": [0.5] * 3, "cylinder": [1.0, 0.5], "capsule": [1.0, 0.5]}.get(shape.tag, 1.0)
-        total += _pose_in_link(collision, where).act(solid_inertia(shape.tag, halved, density))
-    if not total.mass:
-        raise ModelError(f"{said.where}: its inertia is that of its collisions, and they have no mass")
-    mass = said.number("mass", total.mass)
-    place = pin.SE3(np.eye(3), total.lever)
-    return tree.body(mass, place, total.inertia * (mass / total.mass), said.where)
 
 
 def _pose_in_link(element: Element, where: str) -> pin.SE3:

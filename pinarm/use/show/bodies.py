@@ -24,6 +24,7 @@ from pinarm.engine.model_source import Source
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.roots import contained_file, example_robot_data, root_of
 from pinarm.input.units import decimal, is_decimal
+from pinarm.input.xml_text import tree_of
 from pinarm.input.yaml.schema import FARTHEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.kinematics import new_data
@@ -248,7 +249,7 @@ class Visuals(ValueRecord, frozen=True):
 
 def visuals(mechanism: Mechanism) -> Visuals:
     """Return the visuals of a model."""
-    robot, model = ElementTree.fromstring(mechanism.xml), mechanism.model
+    robot, model = tree_of(mechanism.xml), mechanism.model
     frames = {frame.name: frame for frame in model.frames if frame.type == pin.FrameType.BODY}
     palette = {str(material.get("name")): _colour(material) for material in robot.findall("material")}
     shapes, notes, missing = list[Shape](), list[str](), set[int]()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Complex, distinct
 from pinarm.engine.mechanism import Mechanism
+from pinarm.input.xml_text import tree_of
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -561,7 +561,7 @@ def _all_names(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Name]:
 
     model, reached = mechanism.model, reaches(mechanism.model, nodes)
     frames = {frame.name: k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
-    for link in ElementTree.fromstring(mechanism.xml).findall("link"):
+    for link in tree_of(mechanism.xml).findall("link"):
         name = str(link.get("name"))
         at = point_of(model, frames.pop(name))
         if link.find("inertial") is None and link.find("visual") is None:

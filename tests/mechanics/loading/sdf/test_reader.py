@@ -229,32 +229,9 @@ def test_gravity_is_where_its_version_has_it(version, inside, down, note):
     assert note in " ".join(robot.notes)
 
 
-def solid(shape, inside=""):
-    collision = f'<collision name="c"><pose>0.1 0 0 0.3 0 0</pose><geometry>{shape}</geometry>{inside}</collision>'
-    link = f'<link name="a"><inertial auto="true"><density>2000</density></inertial>{collision}</link>'
-    return sdf(link, joint("j", "world", "a"))
-
-
-@pytest.mark.parametrize(
-    ("shape", "volume", "squares"),
-    [
-        ("<box><size>0.1 0.2 0.3</size></box>", 0.006, (0.01 / 12, 0.04 / 12, 0.09 / 12)),
-        ("<sphere><radius>0.1</radius></sphere>", 4 / 3 * math.pi * 1e-3, (2e-3, 2e-3, 2e-3)),
-        ("<cylinder><radius>0.1</radius><length>0.3</length></cylinder>", math.pi * 3e-3, (2.5e-3, 2.5e-3, 7.5e-3)),
-        ("<ellipsoid><radii>0.1 0.2 0.3</radii></ellipsoid>", 0.008 * math.pi, (2e-3, 8e-3, 0.018)),
-    ],
-)
-def test_shapes_with_a_density_have_the_inertia_of_solids(shape, volume, squares):
-    """Moments by the mean squares of x, y and z over a uniform solid: a^2/12, r^2/5, r^2/4."""
-    for density, inside in ((2000.0, ""), (500.0, "<density>500</density>")):
-        body = build_model(solid(shape, inside)).model.inertias[1]
-        assert body.mass == pytest.approx(density * volume, rel=1e-13)
-        assert body.lever == pytest.approx([0.1, 0.0, 0.0], abs=1e-16)
-        turn = pin.utils.rotate("x", 0.3)
-        moments = body.mass * np.diag(np.sum(squares) - np.array(squares))
-        assert body.inertia == pytest.approx(turn @ moments @ turn.T, rel=1e-12, abs=1e-16)
-    weighed = solid(shape).replace("<density>2000", "<mass>3</mass><density>2000")
-    assert build_model(weighed).model.inertias[1].mass == pytest.approx(3.0, rel=1e-14)
+def test_inertias_to_be_computed_of_shapes_are_refused():
+    with pytest.raises(ModelError, match="link 'a': its inertia is to be computed"):
+        build_model(sdf('<link name="a"><inertial auto="true"/></link>', joint("j", "world", "a")))
 
 
 STILL = sdf(link("a"), link("b"), joint("j", "a", "b", "fixed"), model="<static>yes</static>")
@@ -278,7 +255,6 @@ def test_a_static_model_does_not_move(word):
         (sdf(link("a", attributes='relative_to="b"'), link("b", attributes='relative_to="a"'), joint("j", "a", "b")),
          "placed in each other"),
         (sdf(link("a", attributes='frame="b"'), joint("j", "world", "a")), "which no version defines"),
-        (solid("<mesh><uri>a.stl</uri></mesh>"), "the mass of its shape is not computed"),
     ],
 )  # fmt: skip
 def test_mistakes_are_told(xml, message):
