@@ -24,14 +24,11 @@ from pinarm.input.roots import contained_file
 MOST_BYTES = 50_000_000
 """Largest size of all mesh files of a model together."""
 
-MEMORY, SECONDS = 1_000_000_000, 10
-"""Bounds of the compiler: address space [bytes], and processor time [s]; and more for the bytes that it is given.
+MEMORY, SECONDS = 4_000_000_000, 60
+"""Bounds of the compiler: address space [bytes], and processor time [s]; ``MOST_BYTES`` of triangles stay within them.
 
-50 MB of triangles take 1 GB and 10 s. A mesh that it generates itself has no bytes, and any number of triangles.
+A mesh that it generates itself has no bytes, and any number of triangles.
 """
-
-MEMORY_PER_BYTE, SECONDS_PER_BYTE = 60, 1e-6
-"""Additional memory [bytes] and processor time [s] for each byte of mesh or model."""
 
 KEPT = {"default", "asset", "mesh", "worldbody", "body", "frame", "geom", "inertial"}
 """Elements that inertias depend on."""
@@ -134,9 +131,7 @@ def _content(file: Path, most: int) -> bytes:
 
 def _compiled(xml: str, files: dict[str, bytes]) -> dict[str, list[float]]:
     given = json.dumps({"xml": xml, "files": {name: base64.b64encode(x).decode() for name, x in files.items()}})
-    size = len(xml) + sum(map(len, files.values()))
-    memory, seconds = MEMORY + MEMORY_PER_BYTE * size, SECONDS + int(SECONDS_PER_BYTE * size)
-    program = COMPILER % (memory, seconds)
+    program = COMPILER % (MEMORY, SECONDS)
     with TemporaryDirectory() as folder:  # the compiler writes a log where it runs
         done = subprocess.run(
             [sys.executable, "-I", "-c", program], input=given, cwd=folder, capture_output=True, text=True, check=False
@@ -144,7 +139,7 @@ def _compiled(xml: str, files: dict[str, bytes]) -> dict[str, list[float]]:
     if done.returncode:
         raise ModelError(
             "the masses of meshes cannot be computed: MuJoCo's compiler ended without an answer",
-            expected=f"meshes that it can read within {seconds} s and {memory / 1e9:.2g} GB",
+            expected=f"meshes that it can read within {SECONDS} s and {MEMORY / 1e9:g} GB",
             hint="an <inertial> of each body",
         )
     answer: dict[str, Any] = json.loads(done.stdout)

@@ -144,18 +144,15 @@ class Expander(Evaluator):
         self.declared[name] = None
 
     def _define_property(self, element: Element, made: Element, scope: Scope) -> None:
-        options = ("value", "default", "remove", "scope", "lazy_eval")
-        written, value, default, remove, where, lazy = self._attributes(element, "name", optional=options)
+        if "remove" in element.attrib:
+            raise self.error("properties are not removed here", hint=self.beyond)
+        options = ("value", "default", "scope", "lazy_eval")
+        written, value, default, where, lazy = self._attributes(element, "name", optional=options)
         name = self.plain(str(written), scope)
         if not name.isidentifier() or name.startswith("__"):
             raise self.error(f"Property names must be valid identifiers, without '__' before them: {name[:60]}")
-        removed = self.truth(remove or "false", scope)
-        if (value is not None) + (default is not None) + removed > 1:
-            raise self.error(f"of default, value and remove a property has one: {name}")
-        if removed:
-            for around in scope.chain():
-                around.own.pop(name, None)
-            return
+        if value is not None and default is not None:
+            raise self.error(f"of default and value a property has one: {name}")
         if default is not None:
             if scope.home(name):
                 return

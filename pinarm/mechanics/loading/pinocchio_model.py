@@ -160,7 +160,7 @@ def _tree(root: Element, name: str) -> Tree:
 def _set_base(tree: Tree, base: Base) -> None:
     """Fix the root of a tree, or let it float.
 
-    A root without mass that carries floating joints stands for the ground: what these carry is held, or floats already.
+    A root without mass that carries floating joints alone stands for the ground: they are held, or float already.
     """
     stands = not tree.links[tree.root].mass
     afloat = [joint.name for joint in tree.joints if stands and joint.parent == tree.root and joint.kind == "floating"]
@@ -170,23 +170,13 @@ def _set_base(tree: Tree, base: Base) -> None:
         ground = "ground" if tree.root == "world" else "world"
         free = TreeJoint(BASE, "floating", ground, tree.root, pin.SE3.Identity(), made_for="base: floating")
         tree.links, tree.joints = {ground: pin.Inertia.Zero(), **tree.links}, [free, *tree.joints]
-    elif standing := _standing(tree):
+    elif others := [x.name for x in tree.joints if x.parent == tree.root and x.name not in afloat]:
         raise ModelError(
             f"base: floating: '{tree.root}' lets {listed('joint', afloat)} float already, and carries "
-            f"{listed('joint', standing)} too",
+            f"{listed('joint', others)} too",
             expected="a root without other joints",
             hint="without 'base: floating' the model is as its file has it",
         )
-
-
-def _standing(tree: Tree) -> list[str]:
-    """Return the joints of the root, floating ones left out, that carry a mass."""
-    first, heavy = dict[str, str](), dict[str, None]()
-    for joint in tree.joints:
-        first[joint.child] = first.get(joint.parent, joint.name)
-        if joint.child in tree.links and tree.links[joint.child].mass:
-            heavy[first[joint.child]] = None
-    return [joint.name for joint in tree.joints if joint.name in heavy and joint.kind != "floating"]
 
 
 def _assembled(tree: Tree, parts: list[TreeJoint]) -> pin.Model:
