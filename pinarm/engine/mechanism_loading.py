@@ -54,7 +54,7 @@ def mechanism_document(file: Path) -> Document:
     """Return the document of a mechanism file; for a model's file or a robot's name, a document that names it alone."""
     if file.suffix in (".yaml", ".yml"):
         return Document.read(file)
-    return Document(str(file), file, {"pinarm": 1, "robot": file.name if file.suffix else str(file)}, {}, {})
+    return Document(str(file), file, {"pinarm": 1, "robot": file.name if file.suffix else str(file)}, {})
 
 
 def load_mechanism(

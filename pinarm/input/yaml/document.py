@@ -26,7 +26,7 @@ import numpy as np
 from pinarm.errors import InputError, Key, Location, PinarmError, UnitError, within
 from pinarm.input.roots import similar_file
 from pinarm.input.units import read_quantity, unit
-from pinarm.input.yaml.parser import LEVELS, MAX_DEPTH, NESTED, Builder, Path_
+from pinarm.input.yaml.parser import LEVELS, MAX_DEPTH, NESTED, Builder, Path_, Places
 from pinarm.input.yaml.schema import InputStruct, Measured, convert, reading_from, with_types
 from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
 from pinarm.records import ValueRecord, replace
@@ -59,15 +59,13 @@ class Document(ValueRecord, frozen=True):
         source: File name as the user gave it, for messages.
         path: The file; ``None`` for text.
         data: Content: maps, lists, text, numbers, booleans, ``None``.
-        places: Path of keys and indices -> location of the value.
-        keys: Path of keys and indices -> location of the key.
+        places: Path of keys and indices -> locations of the value and of its key.
     """
 
     source: str
     path: Path | None
     data: Any
-    places: Mapping[Path_, Location]
-    keys: Mapping[Path_, Location]
+    places: Places
 
     @classmethod
     def read(cls, path: Path, *, source: str | None = None) -> Document:
@@ -88,8 +86,8 @@ class Document(ValueRecord, frozen=True):
 
     @classmethod
     def parse(cls, text: str, *, source: str = "<text>", path: Path | None = None) -> Document:
-        data, places, keys = _built(text, source)
-        return cls(source, path, _copy(data), places, keys)
+        data, places = _built(text, source)
+        return cls(source, path, _copy(data), places)
 
     @classmethod
     def of_data(cls, data: Any, source: str) -> Document:
@@ -98,16 +96,13 @@ class Document(ValueRecord, frozen=True):
             plain = plain_data(data)
         except InputError as error:
             raise error.at(_named(source, error.path)) from None
-        places = {path: _named(source, path) for path in _paths(plain)}
-        return cls(source, None, plain, places, {path: place for path, place in places.items() if path})
+        return cls(source, None, plain, {path: (_named(source, path),) * 2 for path in _paths(plain)})
 
     def locate(self, path: Path_) -> Location:
         """Return the location of the value at a path, or of its nearest ancestor; a final ``Key`` asks for the key."""
-        if path and isinstance(path[-1], Key) and path in self.keys:
-            return self.keys[path]
         for length in range(len(path), -1, -1):
             if path[:length] in self.places:
-                return self.places[path[:length]]
+                return self.places[path[:length]][length == len(path) > 0 and isinstance(path[-1], Key)]
         return Location(self.source)
 
     def written(self, path: Path_) -> str:
@@ -137,26 +132,19 @@ class Document(ValueRecord, frozen=True):
                 holder[key] = {}
             holder = holder[key]
         holder[path[-1]] = value
-        made = {path[:k]: option for k in range(1, len(path))}
-        places, keys = (
-            made | {at: place for at, place in locations.items() if at[: len(path)] != path} | {path: option}
-            for locations in (self.places, self.keys)
-        )
-        return replace(self, data=data, places=places, keys=keys)
+        made = {path[:k]: (option, option) for k in range(1, len(path))}
+        kept = {at: place for at, place in self.places.items() if at[: len(path)] != path}
+        return replace(self, data=data, places={**made, **kept, path: (option, option)})
 
     def part(self, key: str) -> Document:
         """Return the content below a key as a document."""
-        places, keys = (
-            {path[1:]: place for path, place in locations.items() if path[:1] == (key,)}
-            for locations in (self.places, self.keys)
-        )
-        return replace(self, data=self.data[key], places=places, keys=keys)
+        places = {path[1:]: place for path, place in self.places.items() if path[:1] == (key,)}
+        return replace(self, data=self.data[key], places=places)
 
     def merged(self, changes: Document) -> Document:
         """Return the document with values replaced by those of another document at the same paths."""
         data = _merged(self.data, changes.data, Location(changes.source))
-        places, keys = {**self.places, **changes.places}, {**self.keys, **changes.keys}
-        return replace(self, data=data, places=places, keys=keys)
+        return replace(self, data=data, places={**self.places, **changes.places})
 
     def validate(self, struct: type[StructT], *at: str | int) -> StructT:
         """Validate the document, or its part at a path, as an input struct."""
@@ -175,10 +163,10 @@ class Document(ValueRecord, frozen=True):
 
 
 @lru_cache(maxsize=32)
-def _built(text: str, source: str) -> tuple[Any, Mapping[Path_, Location], Mapping[Path_, Location]]:
+def _built(text: str, source: str) -> tuple[Any, Places]:
     """Read YAML text; cached, since reading can take longer than the run."""
     builder = Builder(text, source)
-    return builder.build(), builder.places, builder.keys
+    return builder.build(), builder.places
 
 
 def _unreadable(path: Path, error: OSError | ValueError) -> InputError:

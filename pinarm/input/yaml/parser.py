@@ -7,7 +7,7 @@ are bounded: an untrusted file can neither run code nor occupy the reader for lo
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from pinarm.errors import InputError, Location, PinarmError
@@ -33,6 +33,9 @@ _UNTAGGED = tuple(f"tag:yaml.org,2002:{kind}" for kind in ("str", "seq", "map"))
 
 Path_ = tuple[str | int, ...]
 
+Places = Mapping[Path_, tuple[Location, Location]]
+"""Path of keys and indices -> location of the value, which of a list or map in a map is its key's, and of the key."""
+
 
 class Builder:
     """Builds plain data from the nodes of a YAML text.
@@ -43,14 +46,13 @@ class Builder:
             tag that is unknown.
 
     Attributes:
-        places: Path of keys and indices -> location of the value; that of a list or map in a map is its key's.
+        places: Path of keys and indices -> locations of the value and of its key; see ``Places``.
     """
 
     def __init__(self, text: str, source: str, tagged: Callable[[str, str], Any] | None = None) -> None:
         self.text, self.source, self.tagged = text, source, tagged
         self.lines = text.splitlines()
-        self.places: dict[Path_, Location] = {}
-        self.keys: dict[Path_, Location] = {}
+        self.places: dict[Path_, tuple[Location, Location]] = {}
         self.count = 0
 
     def build(self) -> Any:
@@ -76,8 +78,9 @@ class Builder:
         if self.count > MAX_VALUES:
             raise self._refuse(node, "the file holds too many values", f"at most {MAX_VALUES}; tables go in CSV files")
         text, width = self._text(node), _width(node)
-        below_key = path in self.keys and not (width and node.id == "scalar")
-        self.places[path] = self.keys[path] if below_key else self._location(node.start_mark, width)
+        place = self._location(node.start_mark, width)
+        key_place = self.places[path][1] if path in self.places else place
+        self.places[path] = place if width and node.id == "scalar" else key_place, key_place
         if node.tag not in _UNTAGGED:
             value = self.tagged(node.tag, text) if self.tagged and node.id == "scalar" else None
             if value is None:
@@ -96,9 +99,9 @@ class Builder:
             key = self._text(key_node)
             at = (*path, key)
             if key in built and self.tagged is None:
-                message = f"the key '{key}' stands twice (first in line {self.keys[at].line})"
+                message = f"the key '{key}' stands twice (first in line {self.places[at][1].line})"
                 raise self._refuse(key_node, message, "remove one")
-            self.keys[at] = self._location(key_node.start_mark, len(key))
+            self.places[at] = (self._location(key_node.start_mark, len(key)),) * 2
             built[key] = self._built(item, at, depth + 1)
         return built
 
