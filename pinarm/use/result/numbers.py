@@ -26,8 +26,8 @@ from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_fig
 from pinarm.use.result.row_lookup import located
 
 if TYPE_CHECKING:
-    from pinarm.use.result.result import Result
     from pinarm.use.result.row_lookup import Lookup
+    from pinarm.use.result.run import Run
     from pinarm.use.result.section import Numbered
 
 
@@ -143,7 +143,7 @@ class RunNumber(Number, frozen=True):
         unit = figure_unit(quantities, self.quantity, self.at) if isinstance(self.at, str) else series.unit
         return Series(self.label, unit, np.zeros(0))
 
-    def value(self, result: Result) -> tuple[float, float]:
+    def value(self, result: Run) -> tuple[float, float]:
         """Return the number [SI] and its error: of a quadrature, or of the search for a place; else 0.
 
         Raises:
@@ -162,7 +162,7 @@ class RunNumber(Number, frozen=True):
             return curve_figure.value, curve_figure.error
         return run.value(self.at, self.of, self.quantity)
 
-    def _require_determined(self, result: Result, value: float) -> None:
+    def _require_determined(self, result: Run, value: float) -> None:
         """Raise where the number would be another one with other frictions that hold the same motion."""
         place = isinstance(self.at, str)
         ends = [
@@ -210,7 +210,7 @@ class SectionNumber(Number, frozen=True):
         units = self._named("section", self.key, sections).units(quantities)
         return Series(self.label, self._named("number", self.name, units), np.zeros(0))
 
-    def value(self, result: Result) -> tuple[float, float]:
+    def value(self, result: Run) -> tuple[float, float]:
         """Return the number [SI] and the error of its quadrature; see ``RunNumber.value``.
 
         Raises:
@@ -299,7 +299,7 @@ class CombinedNumber(Number, frozen=True):
             return bool(abs(double - 2.0 * single) <= 1e-9 * abs(double))
         return False
 
-    def value(self, result: Result) -> tuple[float, float]:
+    def value(self, result: Run) -> tuple[float, float]:
         """Return the number [SI] and what the errors of its parts make of it; see ``RunNumber.value``.
 
         Raises:
@@ -388,7 +388,7 @@ def slug(number: AnyNumber) -> str:
     return re.sub(r"\W+", "_", number.label).strip("_")[:LONGEST]
 
 
-def measured(number: AnyNumber, result: Result) -> tuple[Series, float]:
+def measured(number: AnyNumber, result: Run) -> tuple[Series, float]:
     """Return a number of a run as a series of one value, with its unit, and the error of its quadrature.
 
     Raises:

