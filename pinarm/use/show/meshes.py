@@ -1,4 +1,4 @@
-"""Triangle meshes: read from STL, OBJ and COLLADA files, thinned where there are too many.
+"""Triangle meshes, read from STL, OBJ and COLLADA files.
 
 Of COLLADA, triangles and polygons of ``library_geometries`` are read, with the colours of their materials, placed by
 the nodes of the scene, in the file's unit. The axis that the file calls up is not turned, as in RViz and Gazebo.
@@ -21,9 +21,6 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.xml_text import tree_of
 from pinarm.records import Record
-
-MOST_TRIANGLES = 220_000
-"""In one page: more would neither fit the size of a page nor the speed of a laptop's graphics."""
 
 MOST_BYTES = 50_000_000
 """Bytes of a file."""
@@ -64,37 +61,6 @@ class Mesh(Record, frozen=True):
     def high(self) -> Array:
         """Largest coordinates, shape (3,)."""
         return np.asarray(self.vertices.max(axis=0))
-
-
-def thinned(meshes: Sequence[Mesh], size: float, most: int = MOST_TRIANGLES) -> list[Mesh]:
-    """Return meshes with at most so many triangles in all, and no more loss than that takes.
-
-    Vertices that share a cell of a grid become one, at their mean; triangles that collapse are dropped.
-
-    Args:
-        meshes: All the meshes of a page.
-        size: Extent of the mechanism [m]: the first grid has a thousandth of it.
-        most: How many triangles there may be.
-    """
-    kept, cell = list(meshes), size / 1000.0
-    while sum(len(mesh.triangles) for mesh in kept) > most and cell < size:
-        kept = [_clustered(mesh, cell) for mesh in meshes]
-        cell *= 1.25
-    return kept
-
-
-def _clustered(mesh: Mesh, cell: float) -> Mesh:
-    cells = np.floor((mesh.vertices - mesh.low) / cell).astype(np.int64)
-    span = cells.max(axis=0) + 1
-    numbers = (cells[:, 0] * span[1] + cells[:, 1]) * span[2] + cells[:, 2]
-    _, places, counts = np.unique(numbers, return_inverse=True, return_counts=True)
-    means = np.stack([np.bincount(places, mesh.vertices[:, k]) / counts for k in range(3)], axis=1)
-    corners = places[mesh.triangles]
-    first = corners.argmin(axis=1)[:, None]  # the same triangle begins at the same corner, so that twins are found
-    corners = np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1)
-    a, b, c = corners.T
-    corners = np.unique(corners[(a != b) & (b != c) & (c != a)], axis=0)
-    return Mesh(means, corners, mesh.colour) if len(corners) else Mesh(mesh.vertices, mesh.triangles[:0], mesh.colour)
 
 
 def read_mesh(path: Path) -> list[Mesh]:

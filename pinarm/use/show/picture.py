@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from itertools import cycle, product
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ from pinarm.input.yaml.schema import in_si
 from pinarm.language import document, in_language, said, spoken, told
 from pinarm.records import ValueRecord
 from pinarm.use.result.curve_figures import is_figure
-from pinarm.use.result.expectation import ERRATA
+from pinarm.use.result.expectation import ERRATA, Expectation
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.row_lookup import NotReached
 from pinarm.use.show.labels import PLAIN, axis_label, name_label, plain, shown, unicode_label
@@ -323,11 +323,11 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None, 
     scale, measured = shown(along, how)
     titles = [axis_label(result[name].name, unit, how) for name, unit in zip(names, units, strict=True)]
     across = axis_label(along.name, measured, how)
-    keys, title = answer_key(result, along.name), result.content.title or result.name if titled else ""
+    title = result.content.title or result.name if titled else ""
     with drawing(WIDTH, HEAD + HEIGHT * len(names), plain(title)) as picture:
         for axis, name, colour in zip(panels(picture, titles, across), names, cycle(COLOURS), strict=False):
             _quantity(axis, result, name, along.values / scale, colour)
-            _marks(axis, [key for key in keys if key.quantity == name], scale, shown(result[name], how)[0])
+            _draw_published(axis, result, name, along.name, scale)
             fit(axis, 0.05 if run.numbered else 0.01)
             legend(axis, axis.lines, loc="best")
             if along.name == ROW and len(run) <= FEW_TICKS:
@@ -445,67 +445,43 @@ def graph_named(result: Result, names: Sequence[str]) -> Graph | None:
     return graphs[chosen[0]] if chosen else None
 
 
-class Printed(ValueRecord, frozen=True):
-    """A published value at its place in a plot.
-
-    Attributes:
-        quantity: Its quantity.
-        x: Where along the plot, in SI; an array over the rows for a published formula.
-        y: The value, in SI, likewise.
-        verdict: The claim about it, such as a misprint.
-        joined: Whether it is a formula, over rows that belong together.
-    """
-
-    quantity: str
-    x: float | Array
-    y: float | Array
-    verdict: str
-    joined: bool = False
-
-
-def answer_key(result: Result, along: str) -> list[Printed]:
-    """Return the published values of a run that can be drawn over its curves: at one row, or formulas over all rows.
-
-    Values at places that the run does not reach are left out, and values that friction leaves open.
-    """
-    values = []
-    for entry in result.content.expect:
-        if isinstance(entry.at, str) and result.quantities.open_rows(entry.quantity).any():
-            continue  # the extreme is that of one of many shares, and check refuses it
-        if entry.published_formula is not None and entry.at == "all":
-            figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
-            joined = not result.trajectory.numbered
-            values.append(Printed(entry.quantity, result[along].values, figures, entry.verdict, joined))
-        elif entry.published is not None and not _over_run(entry.at):
-            try:
-                row = result.lookup.at(entry.at, entry.quantity)
-            except NotReached:  # as the notes say
-                continue
-            printed = in_si(entry.published, row[entry.quantity].unit)
-            values.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict))
-    return values
-
-
-def _over_run(at: str | dict[str, str | int | float]) -> bool:
-    return isinstance(at, str) and (at == "all" or is_figure(at))
-
-
 ERRORS = {"misprint": "a misprint", "model_error": "a model error"}
 """Verdicts on published values that are wrong, in words."""
 
 
-def _marks(axis: Axes, printed: list[Printed], scale: float, own: float) -> None:
+def _draw_published(axis: Axes, result: Result, quantity: str, along: str, scale: float) -> None:
     """Draw published values over a curve: circles where they hold, crosses and dashes where they are wrong.
 
     Formulas are dashes between rows that are joined, and marks at separate rows.
     """
-    labelled: set[str] = set()
-    for value in printed:
-        wrong, formula = value.verdict in ERRATA, isinstance(value.y, np.ndarray)
+    own, labelled = shown(result[quantity], result.presentation)[0], set[str]()
+    for entry in result.content.expect:
+        formula = entry.published_formula is not None and entry.at == "all"
+        if entry.quantity != quantity or (points := _published(result, entry, along)) is None:
+            continue
+        wrong = entry.verdict in ERRATA
         name = said("printed formula") if formula else said("published")
-        name += f", {said(ERRORS[value.verdict])}" if wrong else ""
-        look = {"linestyle": "--"} if value.joined else {"linestyle": "", "marker": "x" if wrong else "o"}
+        name += f", {said(ERRORS[entry.verdict])}" if wrong else ""
+        joined = formula and not result.trajectory.numbered
+        look = {"linestyle": "--"} if joined else {"linestyle": "", "marker": "x" if wrong else "o"}
         look |= {"color": WRONG if wrong else "#000000", "markerfacecolor": "none"}
-        x, y = np.atleast_1d(value.x / scale), np.atleast_1d(value.y / own)
-        draw(axis, x, y, "" if name in labelled else name, linewidth=1.0, markersize=6.0, **look)
+        x, y = np.broadcast_arrays(*points)
+        draw(axis, x / scale, y / own, "" if name in labelled else name, linewidth=1.0, markersize=6.0, **look)
         labelled.add(name)
+
+
+def _published(result: Result, entry: Expectation, along: str) -> tuple[Array, ArrayLike] | None:
+    """Return places and published values [SI]: one row, or all rows of a formula; ``None`` where none can be drawn.
+
+    Those are values at places that the run does not reach, over the whole run, and extremes that friction leaves open.
+    """
+    if isinstance(entry.at, str) and result.quantities.open_rows(entry.quantity).any():
+        return None  # the extreme is that of one of many shares, and check refuses it
+    if entry.published_formula is not None and entry.at == "all":
+        return result[along].values, result.quantities.figure(entry.published_formula)
+    if entry.published is None or (isinstance(entry.at, str) and (entry.at == "all" or is_figure(entry.at))):
+        return None
+    with suppress(NotReached):  # as the notes say
+        row = result.lookup.at(entry.at, entry.quantity)
+        return row[along].values, in_si(entry.published, row[entry.quantity].unit)
+    return None

@@ -33,7 +33,7 @@ from pinarm.use.result.measures import (
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
-    from pinarm.use.result.section import Section, SectionTable
+    from pinarm.use.result.section import Section
     from pinarm.use.show.picture import Picture
 
 MOST_ROWS = 12
@@ -103,24 +103,12 @@ def section_lines(section: Section) -> list[str]:
     """Return a section as text: its first table, and its remarks."""
     lines = [printable(section.title)]
     for table in section.tables[:1]:
-        heading, *cells = table_rows(table)
-        lines += aligned([heading, *cells]) if len(heading) > 1 else [row[0] for row in cells]
-        lines += further_rows(section, table)
+        rows = table.cleared().rows[:MOST_ROWS]
+        cells = [[cell if isinstance(cell, str) else f"{cell:.7g}" for cell in row] for row in rows]
+        lines += aligned([table.headings(), *cells]) if len(table.columns) > 1 else [row[0] for row in cells]
+        more = len(table.rows) - MOST_ROWS
+        lines += [f"and {more} more rows in {section.key}_{table.name}.csv"] if more > 0 else []
     return [*lines, *(printable(f"{section.key}: {remark}") for remark in section.remarks)]
-
-
-def table_rows(table: SectionTable) -> list[list[str]]:
-    """Return a heading and the first rows of a table of a section, as texts."""
-    cells = [
-        [cell if isinstance(cell, str) else f"{cell:.7g}" for cell in row] for row in table.cleared().rows[:MOST_ROWS]
-    ]
-    return [table.headings(), *cells]
-
-
-def further_rows(section: Section, table: SectionTable) -> list[str]:
-    """Return a line on the rows of a table that are not shown; none where all are."""
-    more = len(table.rows) - MOST_ROWS
-    return [f"and {more} more rows in {section.key}_{table.name}.csv"] if more > 0 else []
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -22,9 +22,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from pinarm.engine.motion.trajectory import ROW, Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, PinarmError
-from pinarm.input.units import read_quantity
+from pinarm.input.units import is_decimal
+from pinarm.input.yaml.schema import in_si
 from pinarm.use.output import write_file
 from pinarm.use.show.replay.page import Replay
 
@@ -174,14 +175,10 @@ def place(run: Trajectory, text: str) -> float:
     Raises:
         InputError: It names another parameter, has no unit where it needs one, or lies outside of the run.
     """
-    name, equals, said = (part.strip() for part in text.partition("="))
+    name, equals, value = (part.strip() for part in text.partition("="))
     if not equals or name != run.parameter:
         raise InputError(f"'{text}' is no place of this run", expected=f"{run.parameter}=VALUE [{run.unit}]")
-    number, written = read_quantity(said)
-    if written is None and number and name not in ("t", ROW):
-        raise InputError(f"'{said}' has no unit", expected=f"a value such as {said} {run.unit}")
-    if written is not None and written.dimension != run.unit.dimension:
-        raise InputError(f"'{written}' is not a unit of {name}", expected=f"a unit such as {run.unit}")
+    number = in_si(f"{value} s" if name == "t" and is_decimal(value) else value, run.unit)
     low, high = sorted((float(run.grid.t[0]), float(run.grid.t[-1])))
     if not low <= number <= high:
         raise InputError(f"{text} lies outside of the run", expected=f"{low:g} to {high:g} {run.unit}")

@@ -36,9 +36,6 @@ MOST_MODES = 14
 TURN, SLIDE = np.radians(20.0), 0.12
 """Largest deviation of a joint at full amplitude: of an angle [rad], of a length relative to the mechanism."""
 
-HALVINGS = 6
-"""Times that an amplitude at which loops do not close is halved."""
-
 ITERATIONS, CLOSED = 12, 1e-11
 """Newton steps at most; gap [m or rad] of a closed loop, relative to ``1 +`` the extent of the mechanism."""
 
@@ -82,10 +79,10 @@ def mode_pictures(result: Result) -> ModePictures:
         notes.append(said("{count} modes more", count=more))
     for number, shape in enumerate(shapes.T[:MOST_MODES], 1):
         factor, largest, unit_of_size = _full_amplitude(run.mechanism, shape)
-        q, part = _positions(run.mechanism, run.q[0], factor * shape, phases)
-        if not part:
+        q, closed = _positions(run.mechanism, run.q[0], factor * shape, phases)
+        if not closed:
             notes.append(said("mode {number}: to first order, its loops do not close", number=number))
-        size = f"{np.abs(factor * shape[largest]) * (part or 1.0) * unit_of_size[0]:.3g}{unit_of_size[1]}"
+        size = f"{np.abs(factor * shape[largest]) * unit_of_size[0]:.3g}{unit_of_size[1]}"
         where = f"{coordinate_name(run.mechanism.model, largest)} {decimals(size)}"
         words = {"description": _description(result, number), "size": where}
         positions.append(q)
@@ -113,16 +110,12 @@ def _full_amplitude(mechanism: Mechanism, shape: Complex) -> tuple[float, int, t
     return float(allowed[largest] / np.abs(shape[largest])), largest, shown
 
 
-def _positions(mechanism: Mechanism, q: Array, shape: Complex, phases: Array) -> tuple[Array, float]:
-    """Return the positions of a mode, shape (LEVELS * PHASES, nq), and the part of the amplitude; 0 to first order."""
+def _positions(mechanism: Mechanism, q: Array, shape: Complex, phases: Array) -> tuple[Array, bool]:
+    """Return the positions of a mode, shape (LEVELS * PHASES, nq), and whether they close loops, not to first order."""
     turning = np.real(shape * np.exp(1j * phases)[:, None])
     steps = (np.linspace(0.0, 1.0, LEVELS)[:, None, None] * turning).reshape(-1, len(shape))
-    for halvings in range(HALVINGS):
-        part = 0.5**halvings
-        closed = _closed(mechanism, q, part * steps)
-        if closed is not None:
-            return closed, part
-    return _moved(mechanism.model, [q] * len(steps), steps), 0.0
+    closed = _closed(mechanism, q, steps)
+    return (_moved(mechanism.model, [q] * len(steps), steps), False) if closed is None else (closed, True)
 
 
 def _closed(mechanism: Mechanism, q: Array, steps: Array) -> Array | None:

@@ -32,7 +32,7 @@ from pinarm.records import Record, ValueRecord
 from pinarm.use.output import write_file
 from pinarm.use.show.bodies import BodyPoint, Node, placed, point_of, visuals
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
-from pinarm.use.show.meshes import Mesh, thinned
+from pinarm.use.show.meshes import Mesh
 from pinarm.use.show.replay.modes import CYCLE, mode_pictures, require_bare
 from pinarm.use.show.scene import Scene, names_of, scene
 
@@ -238,7 +238,7 @@ def _bodies(shown: Scene, packing: Packing) -> Plain:
     return {
         "nodes": nodes,
         "shapes": shapes,
-        "meshes": [_mesh(mesh, packing) for mesh in thinned(meshes, seen.size)],
+        "meshes": [_mesh(mesh, packing) for mesh in meshes],
         "view": {**{name: getattr(seen, name).tolist() for name in VIEW}, "detail": detail},
     }
 
@@ -408,30 +408,22 @@ def arrows_of(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> l
 
 
 def _forces(run: Trajectory, nodes: Sequence[Node], places: Array) -> Iterator[Arrow]:
-    """Yield the weights, and the forces of loads and springs at their points."""
-    from pinarm.mechanics.forces.bushing import LinearBushing
-    from pinarm.mechanics.forces.points import AppliedWrench, PathElement
+    """Yield the weights, and the forces and moments of loads and springs at their points.
 
+    Of an element that meets a body at several points, as a cable on a pulley, none is drawn there.
+    """
     model = run.mechanism.model
     for centre, mass in _centres(model):
         yield Arrow("forces", centre, False, np.tile(mass * np.asarray(model.gravity.linear), (len(run), 1)))
     for name, force in run.dynamics.forces.items():
-        if isinstance(force, AppliedWrench | LinearBushing):
-            for frame in force.frames if isinstance(force, LinearBushing) else [force.frame]:
-                yield from _at_frame(run, name, point_of(model, frame), places)
-        elif isinstance(force, PathElement):
-            points = [point_of(model, frame) for frame in force.points]
-            alone = [point for point in points if sum(other.node == point.node for other in points) == 1]
-            yield from (Arrow("forces", point, False, _wrench(run, name, point.node)[:, :3]) for point in alone)
-
-
-def _at_frame(run: Trajectory, name: str, at: BodyPoint, places: Array) -> Iterator[Arrow]:
-    """Yield the force and the moment of a force element on a link, at a point of it."""
-    wrench = _wrench(run, name, at.node)
-    yield Arrow("forces", at, False, wrench[:, :3])
-    moments = wrench[:, 3:] - np.cross(at.path(places), wrench[:, :3])
-    if np.abs(moments).max() > 1e-9 * np.abs(wrench).max():  # less is rounding of the shift to the point
-        yield Arrow("forces", at, True, moments)
+        points = [point_of(model, frame) for frame in force.points]
+        for at in points:
+            if sum(other.node == at.node for other in points) == 1:
+                wrench = _wrench(run, name, at.node)
+                yield Arrow("forces", at, False, wrench[:, :3])
+                moments = wrench[:, 3:] - np.cross(at.path(places), wrench[:, :3])
+                if np.abs(moments).max() > 1e-9 * np.abs(wrench).max():  # less is rounding of the shift to the point
+                    yield Arrow("forces", at, True, moments)
 
 
 def _wrench(run: Trajectory, name: str, joint: int) -> Array:
