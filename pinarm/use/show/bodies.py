@@ -28,6 +28,7 @@ from pinarm.input.xml_text import tree_of
 from pinarm.input.yaml.schema import FARTHEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.kinematics import new_data
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import links_behind, screw_of
 from pinarm.mechanics.loading.values import Part, placement_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -192,12 +193,9 @@ def _placements(model: pin.Model, joint: int, q: Array) -> Array:
 
 def placed(model: pin.Model, q: Array, most: int = SAMPLED) -> Array:
     """Return the placements of all joints in the world at some of the rows, shape (samples, njoints, 4, 4)."""
-    data = new_data(model)
-    chosen = q[distinct(np.linspace(0, len(q) - 1, most).round().astype(np.intp))]
-    placements = np.empty((len(chosen), model.njoints, 4, 4))
-    for row, state in zip(placements, chosen, strict=True):
-        pin.forwardKinematics(model, data, state)
-        row[:] = [place.homogeneous for place in data.oMi]
+    links = LinkPlacements.at(model, q[distinct(np.linspace(0, len(q) - 1, most).round().astype(np.intp))])
+    placements = np.zeros((len(links.q), model.njoints, 4, 4))
+    placements[..., :3, :3], placements[..., :3, 3], placements[..., 3, 3] = links.turns, links.places, 1.0
     return placements
 
 

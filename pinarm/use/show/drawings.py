@@ -52,12 +52,11 @@ of the barrel of a cylinder, relative to the least distance of its ends."""
 EVEN = 1e-9
 """Component of a unit vector that is rounding."""
 
-MOVED, SAME = 0.05, 2e-3
-"""Distance of start and end, relative to the extent, from which a point is named at both, and up to which they are
-drawn as one: the width of a line."""
+MOVED = 0.05
+"""Distance of start and end, relative to the extent, from which a point is named at both."""
 
-LINKS, THINNEST = 10.0, 0.35
-"""Typical links along the extent above which lines and marks are drawn smaller, and their least relative size."""
+THICK, THINNEST = 2.5, 0.35
+"""Width of lines and marks, relative to four typical links over the extent, at most 1; their least relative width."""
 
 PATH, GROUND, FAINT = "#8b949e", "#59595f", "#d0d4d9"
 """Colours of paths, of the ground, and of positions in between."""
@@ -91,10 +90,6 @@ def sketch(result: Result, *, titled: bool = True) -> Picture:
     places = dict(zip(rows, placed(model, run.q[rows]), strict=True))
     chosen = rows if run.numbered else distinct(np.array([0, len(run) - 1])).tolist()
     poses = [Pose(places[row], _where(result, row), COLOURS[k % len(COLOURS)]) for k, row in enumerate(chosen)]
-    if len(poses) == 2 and not run.numbered:
-        apart = np.abs(poses[1].place[:, :3] - poses[0].place[:, :3])
-        if apart[..., :3].max() < SAME and apart[..., 3].max() < SAME * seen.framing.size:
-            poses = [Pose(poses[0].place, f"{poses[0].label}, {poses[1].label}", COLOURS[0])]
     paths = [] if run.numbered else [tip.path(placed(model, run.q, FINE)) for tip in seen.figure.tips]
     between = [place for row, place in places.items() if row not in chosen]
     title = result.content.title or result.name if titled else ""
@@ -127,8 +122,7 @@ class _Sketch:
     def __init__(self, mechanism: Mechanism, seen: Scene, how: Presentation) -> None:
         self.seen, self.axes, self.names = seen, seen.framing.axes, names_of(mechanism, seen, how)
         self.flat, self.how = seen.framing.normal is not None, how
-        size = seen.framing.size
-        self.thickness = float(np.clip(LINKS * (seen.figure.link or size) / size, THINNEST, 1.0))
+        self.thickness = float(np.clip(THICK * seen.figure.size / seen.framing.size, THINNEST, 1.0))
         """Factor of the widths of lines and marks: less than 1 where the links are many and short."""
 
     def picture(self, poses: Sequence[Pose], between: Sequence[Array], paths: Sequence[Array], title: str) -> Picture:
@@ -451,7 +445,7 @@ def free_body_diagrams(result: Result, at: float | str | None = None, *, titled:
         foot.set_axis_off()
         if per_newton:
             factor, unit = units[0]
-            size = _round_up(0.3 * LONGEST / per_newton * factor)
+            size = float(f"{0.3 * LONGEST / per_newton * factor:.0e}")
             end = 14.0 + per_newton * size / factor
             _arrow(foot, np.array([14.0, 22.0]), np.array([end, 22.0]), INK)
             foot.text(end + 8.0, 22.0, decimals(f"{size:g} {unit_text(unit)}"), va="center", fontsize=8)
@@ -503,9 +497,3 @@ def _panel(axis: Axes, panel: _Panel, framing: Framing, least: float) -> None:
 def _arrow(axis: Axes, start: Array, tip: Array, colour: str) -> None:
     look: dict[str, Any] = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.3, "shrinkA": 0.0, "shrinkB": 0.0}
     axis.annotate("", (float(tip[0]), float(tip[1])), (float(start[0]), float(start[1])), arrowprops=look)
-
-
-def _round_up(x: float) -> float:
-    """Return the number 1, 2 or 5 times a power of ten next above another."""
-    power = 10.0 ** np.floor(np.log10(x))
-    return float(next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= 0.999 * x))

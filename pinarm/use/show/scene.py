@@ -88,8 +88,7 @@ class StickFigure(Record, frozen=True):
     """Bodies as lines and as solids, each in its own frame, and the marks of joints.
 
     Attributes:
-        size: Length that thicknesses are relative to [m].
-        link: Typical length of a link [m]; 0 where no body reaches to another.
+        size: Length that thicknesses are relative to [m]: that of the links, or of four typical ones.
         lines: Rods from the joint of a body to the points that it reaches; outlines of discs and boxes of the others.
         solids: The same bodies as solids, and joints, where the model's file draws none.
         pins: Bodies on joints that turn.
@@ -100,7 +99,6 @@ class StickFigure(Record, frozen=True):
     """
 
     size: float
-    link: float
     lines: Sequence[Stick]
     solids: Sequence[Shape]
     pins: Sequence[int]
@@ -124,8 +122,7 @@ def stick_figure(
     model, reached = mechanism.model, reaches(mechanism.model, nodes)
     carrying = [k for k in range(1, len(nodes)) if nodes[k].carries]
     lengths = sorted(float(np.linalg.norm(end)) for k in carrying for end in reached[k])
-    link = lengths[len(lengths) // 2] if lengths else 0.0
-    size = min(sum(lengths), LINKS * link) if lengths else _largest_box(model) / BOX
+    size = min(sum(lengths), LINKS * lengths[len(lengths) // 2]) if lengths else _largest_box(model) / BOX
     carried = {(node.parent, tuple(node.placement.translation)) for node in nodes}
     ends = {(end.node, tuple(end.place)) for pair in joined for end in pair.ends}
     lines, solids, tips = list[Stick](), list[Shape](), list[BodyPoint]()
@@ -152,7 +149,7 @@ def stick_figure(
     standing = {tuple(place.tolist()) for k, place in fixed.items() if k not in compact and 0 in bare}
     solids += [_foot(upwards(model), np.array(place), size) for place in sorted(standing)]
     mounts = [end.place for pair in joined if pair.kind != "slot" for end in pair.ends if not end.node]
-    return StickFigure(size, link, lines, solids, pins, slides, [*fixed.values(), *mounts], tips, joined)
+    return StickFigure(size, lines, solids, pins, slides, [*fixed.values(), *mounts], tips, joined)
 
 
 def _joint_solids(k: int, node: Node, rail: Stick | None, size: float) -> Iterator[Shape]:
@@ -400,7 +397,11 @@ def framing(
     if normal is not None:
         across = np.linalg.norm((high - low) * np.sqrt(np.maximum(1.0 - normal**2, 0.0)))
         normal = None if abs(normal) @ (high - low) > FLAT * across else _facing(normal, up)
-    eye = _slanted(up) if normal is None else _tilted(normal, up)
+    front = _upwards(up, np.eye(3)[0 if abs(up[0]) < 0.5 else 1])
+    eye = 0.78 * front - 0.56 * np.cross(up, front) + 0.38 * up  # from the front, the right and above
+    if normal is not None:  # tilted, so that depth is seen
+        above = abs(normal @ up) > ABOVE
+        eye = up - 0.4 * _upwards(normal, up) if above else normal + 0.22 * np.cross(up, normal) + 0.2 * up
     return Framing(up, eye / np.linalg.norm(eye), normal, low, high, _outline(everything))
 
 
@@ -445,27 +446,12 @@ def _facing(axis: Array, up: Array) -> Array:
     return np.asarray(np.sign(right[np.abs(right).argmax()]) * axis)
 
 
-def _tilted(normal: Array, up: Array) -> Array:
-    """Return a direction to the eye from which depth is seen."""
-    if abs(normal @ up) > ABOVE:
-        return np.asarray(up - 0.4 * _upwards(normal, up))
-    return np.asarray(normal + 0.22 * np.cross(up, normal) + 0.2 * up)
-
-
 def _upwards(eye: Array, up: Array) -> Array:
     """Return the upward direction of the picture, shape (3,); seen from above, x points to the right."""
     if abs(eye @ up) > ABOVE:
         return np.asarray(np.eye(3)[1] if abs(up[1]) < 0.5 else -np.eye(3)[2])
     flat = up - (up @ eye) * eye
     return np.asarray(flat / np.linalg.norm(flat))
-
-
-def _slanted(up: Array) -> Array:
-    """Return the direction of a three-quarter view: from the front and the right."""
-    front = np.eye(3)[0] if abs(up[0]) < 0.5 else np.eye(3)[1]
-    front = front - (front @ up) * up
-    front /= np.linalg.norm(front)
-    return np.asarray(0.78 * front - 0.56 * np.cross(up, front) + 0.38 * up)
 
 
 TOGETHER = 1e-6

@@ -28,12 +28,6 @@ from pinarm.use.show.text import ReportTable, number, unit_text, with_unit
 FRAME = "frame"
 """Name of the ground."""
 
-NAMED = 3
-"""Links of a body that are named."""
-
-WITHIN = 1e-12
-"""Part of a unit vector that is rounding."""
-
 
 def mechanism_tables(mechanism: Mechanism, how: Presentation = PLAIN) -> list[ReportTable]:
     """Return the tables of a mechanism, in the units of a presentation, without those that would be empty."""
@@ -64,11 +58,10 @@ MEASURES = ("kg", "m", "kg*m^2")
 
 def _body(model: pin.Model, index: int, scales: Array) -> Sequence[str]:
     first, *others = moved_links(model, index)
-    more = [said("{count} more", count=len(others) - NAMED)] if len(others) > NAMED else []
     inertia = model.inertias[index]
     values = scales * np.array([inertia.mass, *inertia.lever, *np.diag(inertia.inertia)])
     numbers = [number(x) for x in values.tolist()]
-    return [first, ", ".join([*others[:NAMED], *more]), *(numbers if inertia.mass else ["0", *[""] * 6])]
+    return [first, ", ".join(others), *(numbers if inertia.mass else ["0", *[""] * 6])]
 
 
 def _joints(mechanism: Mechanism, how: Presentation) -> ReportTable:
@@ -76,19 +69,11 @@ def _joints(mechanism: Mechanism, how: Presentation) -> ReportTable:
     for index in range(1, model.njoints):
         name, screw = model.names[index], screw_of(model.joints[index])
         bodies = body_name(model, model.parents[index]), body_name(model, index)
-        way = (_direction(screw[1]) if screw else "", _range(model, mechanism.joints.get(name), how))
+        axis = decimals(" ".join(f"{x + 0.0:.4g}" for x in screw[1])) if screw else ""
+        way = (axis, _range(model, mechanism.joints.get(name), how))
         rows.append([name, said(joint_kind(model, index)), *bodies, *way])
     headings = list(map(said, ("Joint", "kind", "from", "to", "axis", "range")))
     return ReportTable(headings, rows, range(6), "Joints", "Axes in those of the joint.")
-
-
-def _direction(axis: Array) -> str:
-    """Return an axis as ``z``, or as three numbers."""
-    for name, vector in zip("xyz", np.eye(3), strict=True):
-        for sign in (1.0, -1.0):
-            if np.abs(axis - sign * vector).max() < WITHIN:
-                return name if sign > 0.0 else f"-{name}"
-    return decimals(" ".join(f"{x + 0.0:.4g}" for x in axis))
 
 
 def _range(model: pin.Model, joint: Joint | None, how: Presentation) -> str:

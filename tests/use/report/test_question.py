@@ -20,8 +20,8 @@ def test_masses_axes_and_limits_are_those_of_the_file(mechanism: Callable[..., A
     assert list(tables["Bodies"].rows[0]) == ["turn_link", "", "2", "0", "0", "-1", "0.1", "0.2", "0.25"]
     assert "3.5 kg" in tables["Bodies"].remark
     assert [list(row) for row in tables["Joints"].rows] == [
-        ["turn", "revolute", "frame", "turn_link", "-y", "unlimited"],
-        ["slide", "prismatic", "turn_link", "slide_link", "x", "-1000 to 1000 m"],
+        ["turn", "revolute", "frame", "turn_link", "0 -1 0", "unlimited"],
+        ["slide", "prismatic", "turn_link", "slide_link", "1 0 0", "-1000 to 1000 m"],
         ["skew", "revolute", "slide_link", "skew_link", "0 0.6 0.8", "-57295.8 to 57295.8°"],
     ]
     assert [list(row) for row in tables["Forces and drives"].rows] == [["drive", "motor", "at turn"]]

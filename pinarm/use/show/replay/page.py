@@ -44,8 +44,8 @@ SCRIPTS = ("data.js", "motion.js", "names.js", "solids.js", "view.js", "overlays
 CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#3a87b7")
 """Colours of the plots."""
 
-LINKS = 6.0
-"""Typical links along the extent of a mechanism; one of more has smaller marks."""
+MARKS = 1.5
+"""Length that marks are relative to, relative to that of thicknesses of links; at most the extent."""
 
 VIEW = ("up", "eye", "low", "high", "outline")
 """Fields of the framing that the page uses."""
@@ -233,13 +233,14 @@ def _bodies(shown: Scene, packing: Packing) -> Plain:
         mesh = {"mesh": places[id(shape.mesh)]} if shape.mesh is not None else {}
         look = {"kind": shape.kind, "size": list(shape.size), "colour": list(shape.colour)}
         shapes.append({"node": shape.node, "place": _place(shape.placement), **look, **mesh})
-    detail = min(seen.size, LINKS * (shown.figure.link or seen.size))
-    """Length [m] that marks are relative to: the extent, or less with many small links."""
     return {
         "nodes": nodes,
         "shapes": shapes,
         "meshes": [_mesh(mesh, packing) for mesh in meshes],
-        "view": {**{name: getattr(seen, name).tolist() for name in VIEW}, "detail": detail},
+        "view": {
+            **{name: getattr(seen, name).tolist() for name in VIEW},
+            "detail": min(seen.size, MARKS * shown.figure.size),
+        },
     }
 
 
