@@ -290,7 +290,4 @@ def roots(curve: Curve, number: int, low: Array, high: Array, level: float) -> A
     from scipy.optimize.elementwise import find_root
 
     places = np.asarray(find_root(lambda t: curve.heights(number, t) - level, (low, high)).x)
-    if (rounded := np.isnan(places)).any():  # solved beside other states an end has the other sign
-        gaps = np.abs([curve.heights(number, end[rounded]) - level for end in (low, high)])
-        places[rounded] = np.where(gaps[0] < gaps[1], low[rounded], high[rounded])
-    return places
+    return np.where(np.isnan(places), low, places)  # solved beside other states an end may have the other sign

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal, Self, TypeVar
 
 import numpy as np
 
-from pinarm.engine.quantities.names import EXTREMES, OPEN, Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import ExpressionError, InputError, PinarmError, choices, require_name, within
 from pinarm.input.formulas.expressions import Expression
@@ -147,40 +147,18 @@ class RunNumber(Number, frozen=True):
         """Return the number [SI] and its error: of a quadrature, or of the search for a place; else 0.
 
         Raises:
-            InputError: The place does not exist in this run, or the run has no such figure.
+            InputError: The place does not exist in this run, the run has no such figure, or the quantity depends on how
+                several frictions or stops share a load.
         """
-        number = self.told(result.lookup)
-        if result.trajectory.others and any(
-            result.quantities.open_rows(name).any() for name in (self.quantity, self.of)
-        ):
-            self._require_determined(result, number[0])
-        return number
+        for name in (self.quantity, self.of):
+            result.quantities.determined(name)
+        return self.told(result.lookup)
 
     def told(self, run: Lookup) -> tuple[float, float]:
         if isinstance(self.at, str) and is_figure(self.at):
             curve_figure = figure(run, self.quantity, self.at)
             return curve_figure.value, curve_figure.error
         return run.value(self.at, self.of, self.quantity)
-
-    def _require_determined(self, result: Run, value: float) -> None:
-        """Raise where the number would be another one with other frictions that hold the same motion."""
-        place = isinstance(self.at, str)
-        ends = [
-            replace(self, quantity=f"{self.quantity}.{extreme}", of=f"{self.of}.{extreme}" if place else self.of)
-            for extreme in EXTREMES
-        ]
-        bounds = [series.values for series in result.quantities.bounds(self.quantity)]
-        endless = place and np.isinf(bounds).any()
-        values = np.ravel(bounds if endless else [end.told(result.lookup)[0] for end in ends])
-        low, high, finite = values.min(), values.max(), values[np.isfinite(values)]
-        if high - low > OPEN * max(np.abs(finite).max(initial=0.0), abs(value)):
-            unit = result[self.quantity].unit
-            raise InputError(
-                f"'{self.label}' is not determined: several frictions or stops hold one motion, and it lies between "
-                f"{low:.6g} and {high:.6g} {unit or ''}",
-                expected="a number that does not depend on which of them holds how much",
-                hint=f"'{ends[0].label}' or '{ends[1].label}'",
-            )
 
 
 class SectionNumber(Number, frozen=True):
