@@ -6,7 +6,6 @@ A setting is written as the keys of a scenario's ``accuracy``.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,36 +68,16 @@ def takes_other_steps(first: Result, second: Result) -> bool:
     return more >= GROWN * (fewer + 1.0)
 
 
-COARSEST = 2
-"""The coarsest rung of a ladder."""
+def ladder(method: MethodName, span: float) -> list[dict[str, Any]]:
+    """Return settings of a method, the coarsest first: tolerances by decades from 1e-2 on, or halves of the step.
 
-
-@dataclass(frozen=True)
-class Ladder:
-    """Settings of one method: decades of the tolerance, or halves of the step.
-
-    Attributes:
+    Args:
         method: The method.
-        span: Time of the motion [s].
+        span: Time of the motion [s], a 64th of which is the longest step.
     """
-
-    method: MethodName
-    span: float
-
-    @property
-    def halving(self) -> bool:
-        """Whether the rungs are steps."""
-        return METHODS[self.method].setting == "step"
-
-    @property
-    def last(self) -> int:
-        """The rung below which rounding decides."""
-        return 12 if self.halving else 14
-
-    def setting(self, rung: int) -> dict[str, Any]:
-        """Return the setting of a rung: ``10^-rung``, or the span by ``16 2^rung``."""
-        step = float(f"{self.span / (16.0 * 2.0**rung):.3g}")
-        return setting_keys(self.method, step if self.halving else float(f"1e-{rung}"))
+    if METHODS[method].setting == "step":
+        return [setting_keys(method, float(f"{span / 2.0**rung:.3g}")) for rung in range(6, 16)]
+    return [setting_keys(method, float(f"1e-{rung}")) for rung in range(2, 14)]
 
 
 def step_limit(result: Result, most: int) -> int:
@@ -133,8 +112,5 @@ def reference_settings() -> list[dict[str, Any]]:
 
 def settings_by_method(result: Result) -> dict[str, list[dict[str, Any]]]:
     """Return the settings that are worth trying on a motion, by method, the coarsest first."""
-    t = result.trajectory.grid.t
-    return {
-        method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(COARSEST, entry.finest + 1)]
-        for method, entry in METHODS.items()
-    }
+    span = float(np.ptp(result.trajectory.grid.t))
+    return {method: ladder(method, span)[: entry.finest - 1] for method, entry in METHODS.items()}

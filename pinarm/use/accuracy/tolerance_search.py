@@ -11,7 +11,7 @@ from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.accuracy.error_estimate import estimate_errors
-from pinarm.use.accuracy.integration_settings import COARSEST, Ladder, step_limit, with_setting
+from pinarm.use.accuracy.integration_settings import ladder, step_limit, with_setting
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -64,21 +64,22 @@ def _search(
         others: Setting -> solution with other last digits, with which others are compared; see ``estimate_errors``.
     """
     time = scenario.problem.time  # type: ignore[attr-defined]
-    ladder, most = Ladder(method, time.end - time.start), scenario.content.accuracy.max_steps
-    guess = COARSEST if ladder.halving else int(np.ceil(-np.log10(target))) + 1
-    rung, way = min(max(guess, COARSEST), ladder.last - 1), 0
+    settings, most = ladder(method, time.end - time.start), scenario.content.accuracy.max_steps
+    halving = "step" in settings[0]
+    guess = 0 if halving else max(int(np.ceil(-np.log10(target))) - 1, 0)
+    rung, way = min(guess, len(settings) - 1), 0
     runs: list[Result | NumericsError] = []
-    while COARSEST <= rung < ladder.last:
+    while 0 <= rung < len(settings):
         solved = [run for run in runs if not isinstance(run, NumericsError)]
         steps = step_limit(solved[-1], most) if solved else most
-        asked = with_setting(scenario, ladder.setting(rung), steps)
+        asked = with_setting(scenario, settings[rung], steps)
         try:
             runs.append(estimate_errors(asked, asked.solve(), others))
         except NumericsError as error:
             runs.append(error)
         reached = _error(runs[-1]) <= target
         way = way or (-1 if reached else 1)
-        if reached == (way > 0) or (isinstance(runs[-1], NumericsError) and not ladder.halving):
+        if reached == (way > 0) or (isinstance(runs[-1], NumericsError) and not halving):
             break
         rung += way
     return runs
