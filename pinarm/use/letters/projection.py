@@ -435,31 +435,20 @@ def joint_damping(letters: Letters) -> Mapping[str, sympy.Expr]:
 
 
 def _lettered(letters: Letters, name: str, force: Any) -> LetteredForce:
-    shares = letters.coordinates.shares
     match force:
-        case JointSpring():
-            return _spring(letters, name, force, shares(force.joint))
-        case CoordinateSpring():
-            return _spring(letters, name, force, shares(force.coordinate))
-        case JointEffort():
-            return _effort(name, force, shares(force.joint), f"effort of the load {name} at the joint {force.joint}")
-        case CoordinateEffort():
-            along = shares(force.coordinate)
-            return _effort(name, force, along, f"effort of the load {name} along {force.coordinate}")
+        case JointSpring(joint=along) | CoordinateSpring(coordinate=along):
+            return _spring(letters, name, force, along)
+        case JointEffort(joint=along) | CoordinateEffort(coordinate=along):
+            efforts = {joint: share * letter(name) for joint, share in letters.coordinates.shares(along).items()}
+            acting = replace(force, effort=ONE, over=None, period=None, while_={}, start=None, end=None)
+            return LetteredForce(acting, efforts, {name: (f"effort of the load {name} along {along}", 1.0)})
         case Wrench(axes="world") if not any(force.moment):
             return _force(letters, name, force)
     raise _unknown(name)
 
 
-def _effort(name: str, force: Any, shares: Mapping[str, sympy.Expr], meaning: str) -> LetteredForce:
-    efforts = {joint: share * letter(name) for joint, share in shares.items()}
-    acting = replace(force, effort=ONE, over=None, period=None, while_={}, start=None, end=None)
-    return LetteredForce(acting, efforts, {name: (meaning, 1.0)})
-
-
-def _spring(
-    letters: Letters, name: str, force: JointSpring | CoordinateSpring, shares: Mapping[str, sympy.Expr]
-) -> LetteredForce:
+def _spring(letters: Letters, name: str, force: JointSpring | CoordinateSpring, along: str) -> LetteredForce:
+    shares = letters.coordinates.shares(along)
     value = sum(share * letters.coordinates.joints[joint] for joint, share in shares.items())
     terms = (
         ("k", "stiffness", force.stiffness, value - exact(float(force.rest))),

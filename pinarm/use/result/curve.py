@@ -248,7 +248,6 @@ class Curve(Struct, eq=False, dict=True):
     source: Values
     spans: Sequence[Span]
     function: Callable[[Array], Array] = np.asarray
-    _kept: dict[tuple[int, float, float], Array] = {}
 
     @cached_property
     def span(self) -> dict[int, Span]:
@@ -260,12 +259,12 @@ class Curve(Struct, eq=False, dict=True):
     def after(self, begin: float) -> Curve:
         later = [span for span in self.spans if span.bounds[-1] > begin]
         later = [span if span.bounds[0] >= begin else span.after(begin) for span in later]
-        return Curve(self.source, later, self.function, self._kept)
+        return Curve(self.source, later, self.function)
 
     def of(self, function: Callable[[Array], Array]) -> Curve:
-        """Return a function of the functions; states at which these are known are not solved again."""
+        """Return a function of the functions."""
         spans = [replace(span, f=function(span.f)) for span in self.spans]
-        return Curve(self.source, spans, lambda f: function(self.function(f)), self._kept)
+        return Curve(self.source, spans, lambda f: function(self.function(f)))
 
     def first(self, spans: Sequence[Span]) -> Pieces:
         """Return the pieces of some intervals with which a number begins."""
@@ -283,11 +282,8 @@ class Curve(Struct, eq=False, dict=True):
         for number in distinct(interval).tolist():
             own = interval == number
             t[own] = self.span[number].nodes(low[own], high[own])
-        keys = [*zip(interval.tolist(), low.tolist(), high.tolist(), strict=True)]
-        lacking = {key: (key[0], nodes) for key, nodes in zip(keys, t, strict=True) if key not in self._kept}
-        for key, f in zip(lacking, self.source([*lacking.values()]) if lacking else (), strict=True):
-            self._kept[key] = f.reshape(DEGREE + 1, -1)
-        f = self.function(np.array([self._kept[key] for key in keys]))
+        values = self.values([*zip(interval.tolist(), t, strict=True)])
+        f = np.array([nodes.reshape(DEGREE + 1, -1) for nodes in values])
         infinite = ~np.isfinite(f).all(axis=2)
         if infinite.any():
             raise Endless(float(t[infinite][0]))
