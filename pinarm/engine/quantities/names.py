@@ -341,6 +341,28 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         constant = self._constant(values) if np.ndim(values) == 0 else np.asarray(values)
         return Series(name, measured, constant, doubt, terms=0.0 if alone is None else alone.terms)
 
+    def switches(self, name: str) -> list[Array]:
+        """Return functions that change their sign wherever formulas behind a name go from one smooth part to another.
+
+        Returns:
+            Values at the rows, each of shape (n,); see ``Expression.switches``.
+
+        Raises:
+            InputError: There is no such quantity.
+        """
+        symbols = {**self.trajectory.mechanism.symbols, **self.symbols}
+        switches, pending, met = list[Array](), [name], set[str]()
+        while pending:
+            symbol = pending.pop()
+            if symbol in met or not (symbol in symbols or set(symbol) & OPERATORS):
+                continue
+            met.add(symbol)
+            expression = symbols.get(symbol) or Expression.parse(symbol)
+            operands = self._operands(expression)
+            switches += expression.switches({inner: series.values for inner, series in operands.items()})
+            pending += sorted(operands)
+        return switches
+
     def check_symbols(self, symbols: Iterable[str], locate: Callable[..., AbstractContextManager[None]]) -> None:
         """Raise where a symbol stands for what does not exist, for what cannot be added, or for itself.
 

@@ -9,7 +9,9 @@ from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
+from msgspec import field
 
+from pinarm.arrays import Array
 from pinarm.errors import ExpressionError, UnitError
 from pinarm.input.formulas.grammar import (
     CONSTANTS,
@@ -58,6 +60,17 @@ class Expression(Record, frozen=True):
         with np.errstate(all="ignore"):
             result = interpret(self.tree, _Values(names), self.text)
         return result.item() if np.ndim(result) == 0 else result
+
+    def switches(self, names: Mapping[str, Any]) -> list[Array]:
+        """Return functions that change their sign wherever the formula goes from one smooth part of it to another.
+
+        Those are the arguments of ``abs`` and ``sign``, differences of what ``min``, ``max`` and comparisons compare,
+        and of what ``%``, ``//``, ``floor`` and ``ceil`` round the sine of pi times it; constant ones are left out.
+        """
+        switches = _Switches(names)
+        with np.errstate(all="ignore"):
+            interpret(self.tree, switches, self.text)
+        return [np.asarray(values, float) for values in switches.met if np.ndim(values)]
 
     def dimension(self, names: Mapping[str, Unit | None]) -> Unit | None:
         """Return the SI unit of the value; ``None`` where it cannot be known.
@@ -118,6 +131,26 @@ class _Values(ValueRecord, frozen=True):
         if function in _TRUTHS:
             return _unless(reduce(np.logical_or, map(np.isnan, arguments)), result)
         return result
+
+
+class _Switches(_Values, frozen=True):
+    """Algebra of values that records functions whose zeros separate smooth parts of the result."""
+
+    met: list[Any] = field(default_factory=list)
+
+    def call(self, function: str, arguments: Sequence[Any]) -> Any:
+        if function in _TRUTHS and len(arguments) == 2:
+            self.met.append(arguments[0] - arguments[1])
+        elif function in ("abs", "sign"):
+            self.met.append(arguments[0])
+        elif function in ("min", "max"):
+            so_far = _FUNCTIONS[function].apply
+            self.met.extend(so_far(*arguments[:k]) - arguments[k] for k in range(1, len(arguments)))
+        elif function in ("floor", "ceil"):
+            self.met.append(np.sin(np.pi * arguments[0]))
+        elif function in ("%", "//"):
+            self.met.append(np.sin(np.pi * arguments[0] / arguments[1]))
+        return super().call(function, arguments)
 
 
 def _unless(unknown: Any, result: Any) -> Any:

@@ -209,7 +209,7 @@ class _Step:
         owners, instants, gaps = list[Indices](), list[Array](), list[Array]()
         for k, (start, end, _) in enumerate(self.run.intervals):
             if end > self.begin or start == end == self.begin:
-                places = distinct(np.append(self.run.rows_and_ends(k), max(start, self.begin)))
+                places = distinct(np.append(self.run.looked_at(self.name, k), max(start, self.begin)))
                 t, of = looked_at(self.curve, k, places[places >= self.begin], level)
                 owners.append(np.full(len(t), k))
                 instants.append(t)

@@ -118,15 +118,18 @@ def figure_unit(quantities: Quantities, quantity: str, name: str) -> Unit | None
     return unit * quantities.trajectory.unit if unit is not None and name == "integral" else unit
 
 
-def integrals(run: Lookup, integrand: Callable[[Quantities], Array], least: float = 1.0) -> tuple[Array, Array]:
+def integrals(
+    run: Lookup, integrand: Callable[[Quantities], Array], least: float = 1.0, of: Sequence[str] = ()
+) -> tuple[Array, Array]:
     """Return the integrals of several functions over a run, and their errors, both of shape (k,).
 
     Args:
         run: The run; its rows are states of one motion.
         integrand: Quantities of n rows -> values of the functions there, of the size of 1 or less, shape (n, k).
         least: Size of functions that are not to be told from 0.
+        of: The quantities of which they are functions, where these may be formulas.
     """
-    total, error = curve_numbers.integrals(run.curve(integrand), least, run.most_pieces)
+    total, error = curve_numbers.integrals(run.curve(integrand, of), least, run.most_pieces)
     return total, error + ROUNDING * np.abs(total)
 
 
@@ -140,7 +143,7 @@ def _of_integrals(run: Lookup, quantity: str, name: str) -> tuple[float, float]:
     if name == "rms":
         values, errors = rms_values(run, [quantity], np.array([scale]), least=0.0)
         return float(values[0]), float(errors[0])
-    total, error = integrals(run, lambda rows: rows[quantity].values[:, None] / scale, least=0.0)
+    total, error = integrals(run, lambda rows: rows[quantity].values[:, None] / scale, 0.0, [quantity])
     per = float(np.sign(t[-1] - t[0])) if name == "integral" else 1.0 / run.length
     return scale * float(total[0]) * per, scale * float(error[0]) * abs(per)
 
@@ -160,6 +163,6 @@ def rms_values(run: Lookup, quantities: Sequence[str], scales: Array, least: flo
     def squares(rows: Quantities) -> Array:
         return np.stack([(rows[name].values / scale) ** 2 for name, scale in zip(quantities, scales, strict=True)], 1)
 
-    total, error = (part / run.length for part in integrals(run, squares, least))
+    total, error = (part / run.length for part in integrals(run, squares, least, quantities))
     root = np.sqrt(np.maximum(total, 0.0))
     return scales * root, scales * np.where(root**2 > error, 0.5 * error / np.maximum(root, 1e-300), np.sqrt(error))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from contextlib import suppress
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,7 @@ from pinarm.errors import InputError, Key, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
 from pinarm.use.result.curve import BESIDE, Curve, Endless, Span, Spots
-from pinarm.use.result.curve_numbers import Peak, highest, zeros, zeros_of_angle
+from pinarm.use.result.curve_numbers import Peak, crossings, highest, looked_at, zeros, zeros_of_angle
 from pinarm.use.result.measures import ZERO, natural_sizes
 
 if TYPE_CHECKING:
@@ -67,6 +68,9 @@ KEPT, TOGETHER = 20, 100_000
 """Sets of states that are kept, as several quantities begin with the same points; velocities of states that are solved
 together at most, and five times of those that are kept."""
 
+MOST_SWITCHES = 100
+"""Places of a run at which formulas switch at most: of more, as of a sawtooth, each tooth is seen as it is."""
+
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
 
@@ -116,6 +120,7 @@ class Lookup(Record, frozen=True):
     motion: SolvedMotion | None
     _kept: dict[tuple[int, bytes], Quantities] = {}
     _curves: dict[str, Curve] = {}
+    _switches: dict[str, list[Array]] = {}
 
     @property
     def run(self) -> Trajectory:
@@ -203,16 +208,21 @@ class Lookup(Record, frozen=True):
     def curve_of(self, name: str) -> Curve:
         """Return a quantity as a curve, which is kept."""
         if name not in self._curves:
-            self._curves[name] = self.curve(lambda rows: np.asarray(rows[name].values, float))
+            self._curves[name] = self.curve(lambda rows: np.asarray(rows[name].values, float), [name])
         return self._curves[name]
 
-    def curve(self, function: Function) -> Curve:
-        """Return functions of the quantities as a curve."""
+    def curve(self, function: Function, of: Sequence[str] = ()) -> Curve:
+        """Return functions of the quantities as a curve.
+
+        Args:
+            function: The functions.
+            of: The quantities of which they are functions, where these may be formulas.
+        """
         rows, spots = function(self.quantities), self._points
         known = {interval: (t, f) for (interval, t), f in zip(spots, self.heights(function, spots), strict=True)}
-        spans = list[Span]()
+        switches, spans = [self.switches(name) for name in of], list[Span]()
         for k in self._wide:
-            own = self.intervals[k][2]
+            here, own = np.concatenate([np.empty(0), *(each[k] for each in switches)]), self.intervals[k][2]
             t, f = self.run.grid.t[own], rows[own]
             if k in known:
                 t, f = (np.concatenate(pair) for pair in zip((t, f), known[k], strict=True))
@@ -220,8 +230,8 @@ class Lookup(Record, frozen=True):
             finite = np.isfinite(f).all(axis=1)
             t, first = np.unique(t[finite], return_index=True)
             steps, knots, jumps = (self._marks[name][k] for name in MARKS)
-            cuts = distinct(np.concatenate([steps, knots, jumps]))
-            spans.append(Span(k, self._bounds(k), cuts, jumps, t, f[finite][first]))
+            bounds, cuts = distinct(np.append(self._bounds(k), here)), distinct(np.concatenate([steps, knots, jumps]))
+            spans.append(Span(k, bounds, cuts, distinct(np.append(jumps, here)), t, f[finite][first]))
         return Curve(lambda spots: self.heights(function, spots), spans)
 
     @cached_property
@@ -233,6 +243,29 @@ class Lookup(Record, frozen=True):
             before = jumps - BESIDE * max(map(abs, ends))
             points.append((k, distinct(np.concatenate([knots, jumps, before]))))
         return [spot for spot in points if len(spot[1])]
+
+    def switches(self, name: str) -> list[Array]:
+        """Return where formulas behind a name go from one smooth part to another, interval by interval, ascending.
+
+        They do as ``abs``, ``min``, ``%`` and comparisons do: where functions that are smooth change their signs. What
+        lies between two such places may be narrow. None are returned where there are too many.
+        """
+        if name not in self._switches:
+            places = [[np.empty(0)] for _ in self.intervals]
+            with suppress(InputError):  # a name from a model with marks of formulas in it, or an infinite operand
+                count = len(self.quantities.switches(name)) if self.motion is not None else 0
+                for curve in (self.curve(partial(_switch, name=name, k=k)) for k in range(count)):
+                    for interval in self._wide:
+                        t, gaps = looked_at(curve, interval, self._rows_and_ends(interval), 0.0)
+                        places[interval].append(np.array(crossings(curve, interval, t, gaps, 0.0)))
+            switches = [distinct(np.concatenate(parts)) for parts in places]
+            few = sum(map(len, switches)) <= MOST_SWITCHES
+            self._switches[name] = switches if few else [np.empty(0)] * len(switches)
+        return self._switches[name]
+
+    def _rows_and_ends(self, interval: int) -> Array:
+        start, end, rows = self.intervals[interval]
+        return distinct(np.append(self.run.grid.t[rows], [start, end]))
 
     # Places
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
@@ -310,13 +343,12 @@ class Lookup(Record, frozen=True):
         curve, spots = self.curve_of(along), list[Spot]()
         find = zeros_of_angle if self._is_told_to_half_a_turn(along, value) else zeros
         for k, (start, end, _) in enumerate(self.intervals):
-            spots += [(k, t) for t in find(curve, k, self.rows_and_ends(k), value)[:: 1 if start <= end else -1]]
+            spots += [(k, t) for t in find(curve, k, self.looked_at(along, k), value)[:: 1 if start <= end else -1]]
         return spots
 
-    def rows_and_ends(self, interval: int) -> Array:
-        """Return the rows of an interval and its ends, ascending."""
-        start, end, rows = self.intervals[interval]
-        return distinct(np.append(self.run.grid.t[rows], [start, end]))
+    def looked_at(self, name: str, interval: int) -> Array:
+        """Return the rows, ends and switches of an interval, at which it is looked for values of a quantity."""
+        return distinct(np.append(self._rows_and_ends(interval), self.switches(name)[interval]))
 
     def _is_told_to_half_a_turn(self, along: str, value: float) -> bool:
         """Tell whether a value may be that of an angle that jumps from 180 to -180 deg."""
@@ -451,6 +483,10 @@ class Lookup(Record, frozen=True):
             other, differences = elsewhere(states)[::forth], np.abs(states[name].values - value)[::forth]
             apart = max(apart, float(differences[: int(other.argmax()) + 1 if other.any() else None].max()))
         return apart
+
+
+def _switch(rows: Quantities, name: str, k: int) -> Array:
+    return rows.switches(name)[k]
 
 
 def _height(values: Array, signs: Sequence[float]) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -205,3 +206,20 @@ def test_what_is_unknown_stays_unknown(text: str) -> None:
 def test_dimensions_that_do_not_go_together(text: str, told: str) -> None:
     with pytest.raises(UnitError, match=told):
         Expression.parse(text).dimension(UNITS)
+
+
+@pytest.mark.parametrize(("text", "met"), [
+    ("2*x + sin(x)", []),
+    ("abs(x - 1) + sign(2)", [lambda x: x - 1]),
+    ("max(x, 1, x**2)", [lambda x: x - 1, lambda x: np.maximum(x, 1) - x**2]),
+    ("x if 0 < x <= 2 else 3*x", [lambda x: 0 - x, lambda x: x - 2]),
+    ("abs(x) if x > 1 or x < 0 else min(x, 2)", [lambda x: x - 1, lambda x: x, lambda x: x, lambda x: x - 2]),
+    ("x % 0.7 + floor(3*x)", [lambda x: np.sin(np.pi * x / 0.7), lambda x: np.sin(3 * np.pi * x)]),
+    ("abs(abs(x) - 1)", [lambda x: x, lambda x: np.abs(x) - 1]),
+])  # fmt: skip
+def test_switches_are_where_smooth_parts_end(text: str, met: list[Callable[[np.ndarray], np.ndarray]]) -> None:
+    x = np.linspace(-2.0, 3.0, 11)
+    found = Expression.parse(text).switches({"x": x})
+    assert len(found) == len(met)
+    for values, of in zip(found, met, strict=True):
+        assert values == pytest.approx(of(x), abs=1e-14)
