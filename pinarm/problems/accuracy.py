@@ -53,18 +53,10 @@ class Accuracy(InputStruct, frozen=True):
         by = METHODS[self.method].setting
         if by == "step" and self.step is None and self.target is None:
             raise InputError(f"the method {self.method} takes steps of one length and needs it", hint="step: 1 ms")
-        if by == "tolerance" and self.step is not None:
-            with within("step"):
-                raise InputError(
-                    f"the method {self.method} chooses its steps by the tolerance",
-                    hint="tolerance alone, or method: rk4",
-                )
-        if by == "step" and self.tolerance is not None:
-            with within("tolerance"):
-                raise InputError(
-                    f"the method {self.method} takes steps of one length, whatever their error",
-                    hint="step alone, or method: dop853",
-                )
+        other = {"step": "tolerance", "tolerance": "step"}[by]
+        if getattr(self, other) is not None:
+            with within(other):
+                raise InputError(f"the method {self.method} has no {other}", expected=f"{by}, or another method")
 
     def integrator(self) -> Method:
         return METHODS[self.method].make(self.setting[1])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.integration.integrator import Watch
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.segmented.end_stops import Bound
@@ -90,17 +91,23 @@ def _watched(closure: Closure, coordinate: Coordinate, event: Event, begins: flo
     The watch of an angle, which may be limited to -180 to 180 deg, uses the sine of the difference to the value: it
     does not jump there. The zero of the sine half a turn from the value does not count.
     """
-    half = abs(abs(float(event.reaches)) - np.pi) < REACHED
-    distance = _distance(closure, coordinate, float(event.reaches))
-    direction, stops, level = DIRECTIONS[event.direction], event.then == "stop", abs(float(event.reaches))
+    rows, value = ConstraintRows.of(closure.model, [coordinate]), float(event.reaches)
+
+    def distance(t: Array, q: Array, v: Array) -> Array:
+        return rows.at(q).gaps[:, 0] - value
+
+    direction, stops = DIRECTIONS[event.direction], event.then == "stop"
     if isinstance(coordinate, LinearCoordinate) or coordinate.unit != RADIAN:
-        return Watch(distance, direction, stops, begins=begins, level=level)
+        return Watch(distance, direction, stops, begins=begins, level=abs(value))
+    half = abs(abs(value) - np.pi) < REACHED
 
     def counts(*states: Array) -> Flags:
         apart = np.abs(distance(*states))
         return np.asarray(np.minimum(apart, np.abs(apart - 2.0 * np.pi) if half else apart) < 0.5 * np.pi)
 
-    return Watch(lambda *states: np.sin(distance(*states)), direction, stops, counts=counts, begins=begins, level=level)
+    return Watch(
+        lambda *states: np.sin(distance(*states)), direction, stops, counts=counts, begins=begins, level=abs(value)
+    )
 
 
 def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) -> tuple[Bound, ...]:
@@ -123,18 +130,3 @@ def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) 
         with place("end_stops", Key(name)):
             stop.require_room()
     return tuple(bounds)
-
-
-def _distance(closure: Closure, coordinate: Coordinate, value: float) -> Callable[[Array, Array, Array], Array]:
-    """Return ``(t, q, v) -> w(q) - value`` of many states, shape (n,)."""
-    if isinstance(coordinate, LinearCoordinate):
-        weights, places = coordinate.weights, coordinate.places
-        return lambda t, q, v: q[:, places] @ weights - value
-
-    def distance(t: Array, q: Array, v: Array) -> Array:
-        distances = np.empty(len(q))
-        for i, row in enumerate(q):
-            distances[i] = coordinate.value(closure.state(row))
-        return distances - value
-
-    return distance

@@ -12,6 +12,7 @@ import numpy as np
 from pinarm.arrays import Array, length
 from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.constraints.nullspace import ACTS
+from pinarm.engine.friction.columns import BANDS
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, several
@@ -57,12 +58,14 @@ class Evaluation(Record, frozen=True):
 
     @cached_property
     def friction_doubts(self) -> Mapping[str, str]:
-        """Doubts about frictions with undetermined loads, by quantity; see ``friction_law``."""
-        if not any(contact.shared for contact in self.run.mechanism.frictions):
+        """Doubts about frictions whose loads may be those of the least multipliers, and about what rests on them."""
+        some = [contact for contact in self.run.mechanism.frictions if contact.shared and contact.law.loaded]
+        if not some or not self.reactions.degree:
             return {}
-        from pinarm.engine.quantities.friction_law import friction_doubts
-
-        return friction_doubts(self.run)
+        names = ", ".join(dict.fromkeys(contact.name for contact in some))
+        doubt = f"least multipliers; rigid bodies may not determine the load of {names}"
+        bands = [name for name in self.run.columns if name.endswith(tuple(f".effort.{part}" for part in BANDS))]
+        return dict.fromkeys([*(contact.quantity for contact in some), "power.friction", *bands], doubt)
 
     def rate(self, name: str, coordinate: Coordinate, order: int) -> Array:
         """Return a coordinate, or its first or second derivative, shape (n, ..)."""

@@ -1,7 +1,4 @@
-"""Residual of the friction law, from the reactions of a run: a route that no solver takes.
-
-Also doubts about friction whose load rigid bodies do not determine: a rule chooses the load.
-"""
+"""Residual of the friction law, from the reactions of a run: a route that no solver takes."""
 
 from __future__ import annotations
 
@@ -9,11 +6,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import sampled
-from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.equation import mass_matrix
-from pinarm.engine.friction.columns import BANDS
 from pinarm.engine.friction.joint_friction import INSTANT, REST
-from pinarm.engine.friction.slip_equation import BearingReactions
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError
@@ -26,26 +20,6 @@ SLOW, SWITCHING = 1e-9, 1e-3
 """Slips, relative to the largest of the rows, that are rest: anywhere, and where an interval of the run ends, as at
 switches, whose instants are known to the tolerance of the integration. There they are also relative to what the
 accelerations of the rows make in that interval: all rows may be at switches."""
-
-
-def friction_doubts(run: Trajectory) -> dict[str, str]:
-    """Return the doubts about frictions whose loads follow from the least multipliers, by their quantity.
-
-    The first row decides for all. ``power.friction`` and the bands of efforts, which follow from such a friction, are
-    included.
-    """
-    contacts = run.mechanism.frictions
-    if not len(run) or not any(contact.shared and contact.law.loaded for contact in contacts):
-        return {}
-    own = run.mechanism.closure
-    split = Decomposition.of(own.rows(own.state(run.q[0])))
-    some = BearingReactions(contacts, own, run.intervals()[0][1]).undetermined(split, run.q[0])
-    if not some:
-        return {}
-    names = ", ".join(dict.fromkeys(contact.name for contact in some))
-    doubt = f"least multipliers; rigid bodies do not determine the load of {names}"
-    bands = [name for name in run.columns if name.endswith(tuple(f".effort.{part}" for part in BANDS))]
-    return dict.fromkeys([*(contact.quantity for contact in some), "power.friction", *bands], doubt)
 
 
 def _resting_speed(run: Trajectory) -> float:

@@ -19,7 +19,6 @@ from itertools import chain
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspace import ACTS
@@ -33,7 +32,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.geometry.kinematics import new_data
+from pinarm.mechanics.geometry.vectors import moved
 from pinarm.mechanics.joints import METRE, links_behind
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor, counted_angle
@@ -473,9 +472,7 @@ def _of_friction(reactions: Reactions) -> Iterator[Action]:
 
 def _of_forces(reactions: Reactions) -> Iterator[Action]:
     run, model = reactions.run, reactions.model
-    (_, dynamics), *_ = (
-        (rows, dynamics_of_rows) for rows, dynamics_of_rows in run.intervals() if rows.start < rows.stop
-    )
+    dynamics = next(dynamics for rows, dynamics in run.intervals() if rows.start < rows.stop)
     links = reactions.links
     for name, force in dynamics.forces.items():
         points = {model.frames[frame].parentJoint: links.frame(frame)[1][0] for frame in force.points}
@@ -485,19 +482,13 @@ def _of_forces(reactions: Reactions) -> Iterator[Action]:
 
 
 def _of_masses(run: Trajectory) -> Iterator[Action]:
-    model, data = run.mechanism.model, new_data(run.mechanism.model)
-    pin.forwardKinematics(model, data, run.q[0], run.v[0], run.a[0])
+    model, links = run.mechanism.model, run.link_motion[0]
+    momenta = moved(links.outwards(run.demands), links.places)[:2, 0].sum(axis=0)  # their rates, at the world's origin
     for body in range(1, model.njoints):
-        inertia, place, turn = model.inertias[body], data.oMi[body], data.oMi[body].rotation
-        velocity, spatial = data.v[body], data.a[body]
-        omega, alpha, arm = velocity.angular, spatial.angular, inertia.lever
-        origin = spatial.linear + np.cross(omega, velocity.linear)  # of the body's origin, as a point
-        acceleration = origin + np.cross(alpha, arm) + np.cross(omega, np.cross(omega, arm))
-        moment = inertia.inertia @ alpha + np.cross(omega, inertia.inertia @ omega)
-        centre, still = place.act(arm), np.zeros(3)
+        inertia, still = model.inertias[body], np.zeros(3)
+        centre = links.places[0, body] + links.turns[0, body] @ inertia.lever
         yield Action(body, "weight", centre, np.concatenate([inertia.mass * model.gravity.linear, still]))
-        relief = np.concatenate([-inertia.mass * (turn @ acceleration), -(turn @ moment)])
-        yield Action(body, "inertia relief", centre, relief)
+        yield _at(body, "inertia relief", centre, -momenta[body])
 
 
 def _at(body: int, what: str, point: Array, wrench: Array, doubt: str = "") -> Action:

@@ -287,19 +287,15 @@ def distribution(varied: Variation, bands: Sequence[Band], count: int, seed: int
 
 
 def quantile(values: Array, share: float) -> tuple[float, float]:
-    """Return a percentile of drawn numbers, shape (n,), and the half width of its 95 % interval, whatever they are.
+    """Return a percentile of drawn numbers, shape (n,), and the half width of its 95 % interval, by the binomial test.
 
-    How many numbers are below the percentile of the distribution is binomial: the interval is from one of them to
-    another. Of too few it has no end.
-
-    Source: Conover, Practical Nonparametric Statistics, section 3.2.
+    Of too few numbers the interval has no end, and its half width is infinite.
     """
-    from scipy.special import bdtrik
+    from scipy.stats import quantile_test
 
-    n, value = len(values), float(np.quantile(values, share))
-    low, high = (int(np.ceil(bdtrik(end, n, share))) for end in (0.025, 0.975))
-    ends = np.concatenate([[-np.inf], np.sort(values), [np.inf]])
-    return value, float(max(value - ends[low], ends[min(high, n) + 1] - value))
+    value, ends = float(np.quantile(values, share)), quantile_test(values, p=share).confidence_interval(0.95)
+    width = float(np.max([value - ends.low, ends.high - value]))  # NaN without an end
+    return value, np.inf if np.isnan(width) else width
 
 
 def _deviation_error(values: Array) -> float:
