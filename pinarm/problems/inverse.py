@@ -35,85 +35,7 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
 
 
-class OverTime:
-    """Methods of problems with laws over time."""
-
-    __slots__ = ()
-    time: TimeGrid
-    motion: dict[str, Motion]
-    resolve: NearestPosture | None
-    start: dict[str, Level]
-
-    def _forces(self, mechanism: Mechanism, place: Place) -> Mapping[str, ForceElement]:
-        return mechanism.forces
-
-    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PrescribedTable:
-        laws = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
-        check_levels(mechanism, self.start, place, "start")
-        forces = self._forces(mechanism, place)
-        drives = self._acting(mechanism, place)
-        motion = joint_motion(mechanism, laws, self.resolve, place)
-        grid = grid_of(mechanism, motion, self.time.instants(), forces.values())
-        known = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
-        with place("motion"):
-            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve, motion, grid))
-
-    def _acting(self, mechanism: Mechanism, place: Place) -> Actuation | None:
-        return None
-
-
-class Inverse(OverTime, InputStruct, frozen=True, tag_field="kind", tag="inverse"):
-    """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
-
-    On fewer where ``resolve`` chooses the rest.
-
-    Attributes:
-        time: Instants of the table.
-        motion: Coordinate -> law over time, or over another one of these coordinates.
-        resolve: Which of its motions a mechanism makes that has more degrees of freedom than laws, such as an arm of
-            seven joints whose hand follows a path: the one nearest to a posture.
-        drives: Coordinates that the drives act along, as many as there are degrees of freedom, or more that ``share``;
-            where the key is left out, every joint of an open chain, and the coordinates of ``motion`` where there are
-            loops.
-        share: How drives share the load where there are more of them than degrees of freedom: ``least_squares`` (the
-            least sum of squares of their efforts), ``bounded`` (the same within the effort limits of the model), or
-            ``weights`` and ``limits`` by drive. With as many drives as degrees of freedom it changes nothing, but for
-            limits, which are kept or refused.
-        start: Rough joint coordinates at the first instant: they choose the branch where there are several.
-        loads: Applied forces, springs and dampers of this run.
-    """
-
-    kind: ClassVar[str] = "inverse"
-    deferred: ClassVar[Deferred] = LOADS
-    time: TimeGrid
-    motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
-    resolve: NearestPosture | None = None
-    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
-    share: Share | None = None
-    start: dict[str, Level] = {}
-    loads: dict[str, Force] = {}
-
-    def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        drives = actuation(mechanism, self.drives, [*self.motion])
-        return with_friction_columns(schema_row(mechanism, self.start, self.loads, "t", unit("s"), drives), drives)
-
-    def _forces(self, mechanism: Mechanism, place: Place) -> Mapping[str, ForceElement]:
-        return bind_loads(mechanism, self.loads, place)
-
-    def _acting(self, mechanism: Mechanism, place: Place) -> Actuation:
-        return drives_of(mechanism, self.drives, [*self.motion], self.share, place)
-
-    def solve(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
-    ) -> Outcome:
-        table = prepared or self.prepare(mechanism, accuracy, place)
-        with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
-            outcome = table.outcome()
-        omitted = omitted_drives_remarks(mechanism, self.drives, [*self.motion])
-        return replace(outcome, notes=(*outcome.notes, *omitted, *profile_remarks(mechanism, self.motion)))
-
-
-class KinematicMotion(OverTime, InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
+class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
     """Motion under laws on as many coordinates as the mechanism has degrees of freedom, or on fewer and a posture.
 
     Masses play no part.
@@ -139,12 +61,71 @@ class KinematicMotion(OverTime, InputStruct, frozen=True, tag_field="kind", tag=
         q = generic_near(mechanism, self.start)
         return replace(Trajectory.schema_row(mechanism, q, "t", unit("s")), no_efforts=KINEMATIC)
 
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PrescribedTable:
+        laws = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
+        check_levels(mechanism, self.start, place, "start")
+        forces = self._forces(mechanism, place)
+        drives = self._acting(mechanism, place)
+        motion = joint_motion(mechanism, laws, self.resolve, place)
+        grid = grid_of(mechanism, motion, self.time.instants(), forces.values())
+        known = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
+        with place("motion"):
+            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve, motion, grid))
+
+    def _forces(self, mechanism: Mechanism, place: Place) -> Mapping[str, ForceElement]:
+        return mechanism.forces
+
+    def _acting(self, mechanism: Mechanism, place: Place) -> Actuation | None:
+        return None
+
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
     ) -> Outcome:
         table = prepared or self.prepare(mechanism, accuracy, place)
         with place("motion"):
             return table.outcome()
+
+
+class Inverse(KinematicMotion, frozen=True, tag_field="kind", tag="inverse"):
+    """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
+
+    On fewer where ``resolve`` chooses the rest.
+
+    Attributes:
+        drives: Coordinates that the drives act along, as many as there are degrees of freedom, or more that ``share``;
+            where the key is left out, every joint of an open chain, and the coordinates of ``motion`` where there are
+            loops.
+        share: How drives share the load where there are more of them than degrees of freedom: ``least_squares`` (the
+            least sum of squares of their efforts), ``bounded`` (the same within the effort limits of the model), or
+            ``weights`` and ``limits`` by drive. With as many drives as degrees of freedom it changes nothing, but for
+            limits, which are kept or refused.
+        loads: Applied forces, springs and dampers of this run.
+    """
+
+    kind: ClassVar[str] = "inverse"
+    deferred: ClassVar[Deferred] = LOADS
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
+    share: Share | None = None
+    loads: dict[str, Force] = {}
+
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
+        drives = actuation(mechanism, self.drives, [*self.motion])
+        return with_friction_columns(schema_row(mechanism, self.start, self.loads, "t", unit("s"), drives), drives)
+
+    def _forces(self, mechanism: Mechanism, place: Place) -> Mapping[str, ForceElement]:
+        return bind_loads(mechanism, self.loads, place)
+
+    def _acting(self, mechanism: Mechanism, place: Place) -> Actuation:
+        return drives_of(mechanism, self.drives, [*self.motion], self.share, place)
+
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
+    ) -> Outcome:
+        table = prepared or self.prepare(mechanism, accuracy, place)
+        with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
+            outcome = table.outcome()
+        omitted = omitted_drives_remarks(mechanism, self.drives, [*self.motion])
+        return replace(outcome, notes=(*outcome.notes, *omitted, *profile_remarks(mechanism, self.motion)))
 
 
 class Range(InputStruct, frozen=True, rename=FILE_KEYS):
@@ -165,16 +146,27 @@ class Range(InputStruct, frozen=True, rename=FILE_KEYS):
             raise InputError("the range begins and ends at the same value")
 
 
-class StateByState:
-    """Methods of problems whose rows are states of their own."""
+class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
+    """Holding efforts, at rest: over the range of one coordinate, or at one position.
 
-    __slots__ = ()
-    over: dict[str, Range]
-    hold: dict[str, Level]
-    drives: list[str]
-    share: Share | None
-    start: dict[str, Level]
-    loads: dict[str, Force]
+    Attributes:
+        over: The coordinate that is swept, with its range; none for a single position.
+        hold: Coordinate -> value, for all the others.
+        drives: Coordinates that the drives act along, such as ``[knee]``; the kind ``inverse`` has the same key.
+        share: How drives share the load where there are more of them than degrees of freedom, such as
+            ``least_squares``; the kind ``inverse`` has the same key.
+        start: Rough joint coordinates at the first position: they choose the branch where there are several.
+        loads: Applied forces and springs of this run.
+    """
+
+    kind: ClassVar[str] = "statics"
+    deferred: ClassVar[Deferred] = LOADS
+    over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
+    hold: dict[str, Level] = {}
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
+    share: Share | None = None
+    start: dict[str, Level] = {}
+    loads: dict[str, Force] = {}
 
     @property
     def rates(self) -> Mapping[str, Mapping[str, float]]:
@@ -245,58 +237,21 @@ class StateByState:
         return replace(outcome, notes=(*outcome.notes, *remarks))
 
 
-class Statics(StateByState, InputStruct, frozen=True, tag_field="kind", tag="statics"):
-    """Holding efforts, at rest: over the range of one coordinate, or at one position.
-
-    Attributes:
-        over: The coordinate that is swept, with its range; none for a single position.
-        hold: Coordinate -> value, for all the others.
-        drives: Coordinates that the drives act along, such as ``[knee]``; the kind ``inverse`` has the same key.
-        share: How drives share the load where there are more of them than degrees of freedom, such as
-            ``least_squares``; the kind ``inverse`` has the same key.
-        start: Rough joint coordinates at the first position: they choose the branch where there are several.
-        loads: Applied forces and springs of this run.
-    """
-
-    kind: ClassVar[str] = "statics"
-    deferred: ClassVar[Deferred] = LOADS
-    over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
-    hold: dict[str, Level] = {}
-    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
-    share: Share | None = None
-    start: dict[str, Level] = {}
-    loads: dict[str, Force] = {}
-
-
-class State(StateByState, InputStruct, frozen=True, tag_field="kind", tag="state"):
+class State(Statics, frozen=True, tag_field="kind", tag="state"):
     """Efforts at given velocities and accelerations: over the range of one coordinate, or at one position.
 
     Every row is a state of its own. What is not given is 0.
 
     Attributes:
-        over: The coordinate that is swept, with its range; none for a single position.
-        hold: Coordinate -> value, for all the others.
         velocity: Coordinate -> velocity, at every row.
         acceleration: Coordinate -> acceleration, at every row.
-        drives: Coordinates that the drives act along, such as ``[knee]``; the kind ``inverse`` has the same key.
-        share: How drives share the load where there are more of them than degrees of freedom, such as
-            ``least_squares``; the kind ``inverse`` has the same key.
-        start: Rough joint coordinates at the first position: they choose the branch where there are several.
         loads: Applied forces, springs and dampers of this run.
     """
 
     kind: ClassVar[str] = "state"
-    deferred: ClassVar[Deferred] = LOADS
-    over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
-    hold: dict[str, Level] = {}
     velocity: dict[str, Rate] = {}
     acceleration: dict[str, SecondRate] = {}
-    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
-    share: Share | None = None
-    start: dict[str, Level] = {}
-    loads: dict[str, Force] = {}
 
     @property
     def rates(self) -> Mapping[str, Mapping[str, float]]:
-        """Key -> coordinate -> rate, of velocities, then of accelerations."""
         return {"velocity": self.velocity, "acceleration": self.acceleration}
