@@ -59,8 +59,8 @@ LEAST = 1e-15
 """Relative error that no comparison in double precision can tell from none."""
 
 
-OF_NUMBERS = ("limits", "sensitivity")
-"""Assessments of other numbers of the run, which they request."""
+OF_NUMBERS = {"limits": "keep", "sensitivity": "of"}
+"""Assessment of other numbers of the run -> its key that names them."""
 
 
 UNCOMPARED = "no other solution gets to the end"
@@ -272,9 +272,9 @@ def _numbers(result: Result) -> Iterator[AnyNumber]:
     """Yield the numbers that a result tells, but for those of sections that take many runs."""
     content = result.content
     yield from map(read_number, content.numbers)
-    for key in OF_NUMBERS:
+    for key, numbers in OF_NUMBERS.items():
         if key in content.assessments:
-            yield from map(read_number, content.assessments[key].requested(result.trajectory.mechanism))
+            yield from map(read_number, getattr(content.assessments[key], numbers))
     for key in _own(result):
         yield from (SectionNumber(key, name) for name in _names(result, key))
 

@@ -22,7 +22,6 @@ from pinarm.use.result.numbers import Condition, measured, read_conditions, slug
 from pinarm.use.result.section import Cell, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
@@ -52,9 +51,6 @@ class Limits(InputStruct, frozen=True):
     def conditions(self) -> list[Condition]:
         with within("keep"):
             return read_conditions(self.keep)
-
-    def requested(self, mechanism: Mechanism) -> list[str]:
-        return list(self.keep)
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         margins = {f"{slug(condition.number)}.margin": _unit(condition, quantities) for condition in self.conditions}

@@ -100,13 +100,6 @@ class Loads(InputStruct, frozen=True):
         if not self.joints and not self.rotors:
             raise InputError("nothing is asked of any joint", expected="joints: {NAME: {}}, or rotors: {NAME: {}}")
 
-    def requested(self, mechanism: Mechanism) -> list[str]:
-        names = [*mechanism.joints] if self.sets and self.joints else [*self.rotors]
-        return [
-            *(f"joint.{name}.force.x" for name in names),
-            *(f"{joint.prefix}.force.x" for joint, _ in self._loaded(mechanism)),
-        ]
-
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         units = dict[str, Unit | None]()
         for joint, asked in self._loaded(quantities.trajectory.mechanism):

@@ -38,7 +38,6 @@ from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
@@ -128,9 +127,6 @@ class PathError(InputStruct, frozen=True):
     def quantities(self, kind: str) -> list[str]:
         axes, _ = read_points(self.wanted)
         return [f"point.{self.point}.{kind}.{axis}" for axis in axes]
-
-    def requested(self, mechanism: Mechanism) -> list[str]:
-        return [*self.quantities("position"), *self.quantities("velocity")]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         return UNITS

@@ -35,7 +35,6 @@ from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
@@ -64,9 +63,6 @@ class Response(InputStruct, frozen=True):
     initial: AnyQuantity | None = None
     final: AnyQuantity | None = None
     band: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.02
-
-    def requested(self, mechanism: Mechanism) -> list[str]:
-        return [self.of]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         value = quantities[self.of].unit

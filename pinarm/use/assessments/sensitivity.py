@@ -40,7 +40,6 @@ from pinarm.use.result.numbers import AnyNumber, measured, read_number, slug
 from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
@@ -444,9 +443,6 @@ class Sensitivity(InputStruct, frozen=True):
             with within("of", index):
                 numbers.append(read_number(text))
         return numbers
-
-    def requested(self, mechanism: Mechanism) -> list[str]:
-        return list(self.of)
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         units = dict[str, Unit | None]()

@@ -29,7 +29,6 @@ from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
@@ -62,9 +61,6 @@ class Shaking(InputStruct, frozen=True):
         about = f".about.{self.about}" if self.about and kind == "moment" else ""
         sign = "" if axis == "norm" else "-"
         return f"{sign}dynamic.all.{kind}{about}.{axis}"
-
-    def requested(self, mechanism: Mechanism) -> list[str]:
-        return [self.quantity(part) for part in PARTS]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         parts = [*PARTS, "force.norm", "moment.norm"]

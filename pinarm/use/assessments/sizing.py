@@ -43,7 +43,6 @@ from pinarm.use.result.curve_figures import CurveFigure, made_a_motion
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.mechanics.rotors import Drive
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
@@ -217,9 +216,6 @@ class Sizing(InputStruct, frozen=True):
         if measured.strip() not in ("degC", "°C") or not -273.15 <= value <= 1000.0:
             raise InputError(f"'{self.ambient}' is no temperature of a room", expected="such as 40 degC")
         return value
-
-    def requested(self, mechanism: Mechanism) -> list[str]:
-        return [f"drive.{self.drive}.torque"]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         return NUMBERS

@@ -19,7 +19,6 @@ from pinarm.use.result.presentation import CsvForm, Presentation
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.quantities.names import Quantities
     from pinarm.input.units import Unit
     from pinarm.mechanics.points import Payload
@@ -30,9 +29,6 @@ if TYPE_CHECKING:
 
     class Assessment(Protocol):
         """Assessment of a run, as the scenario file requests it."""
-
-        def requested(self, mechanism: Mechanism) -> list[str]:
-            """Return the quantities and formulas that it needs, so that the joints in them are solved for."""
 
         def units(self, quantities: Quantities) -> Mapping[str, Unit | None]: ...
 
