@@ -377,12 +377,6 @@ class _Panel(NamedTuple):
     arrows: Array
     words: Sequence[str]
 
-    def ends(self, per: float) -> Array:
-        """Return the corners of the outline and the tips of the arrows at a scale [points per metre], shape (k, 2)."""
-        return np.concatenate(
-            [*(per * line for line in self.lines), per * self.points, per * self.points + self.arrows]
-        )
-
 
 @in_language
 def free_body_diagrams(result: Result, at: float | str | None = None, *, titled: bool = True) -> Picture:
@@ -465,13 +459,11 @@ def worst_instants(result: Result) -> dict[str, float]:
 
 def _panel(axis: Axes, panel: _Panel, framing: Framing, least: float) -> None:
     """Draw a body with its loads; larger loads choose the places of their names first. Smaller moments have no arc."""
-    largest = float(np.ptp(np.concatenate([*panel.lines, panel.points]), axis=0).max())
-    scales = np.geomspace(ACROSS, 1.0, 120) / max(largest, LEAST * framing.size)
     page, notes, hidden = np.array([ACROSS, HIGH]), list[tuple[float, Note]](), [*panel.lines]
-    fitting = (per for per in scales.tolist() if (np.ptp(panel.ends(per), axis=0) <= page - 2.0 * ROOM).all())
-    per = next(fitting, float(scales[-1]))
-    ends = panel.ends(per)
-    left, bottom = ((ends.min(axis=0) + ends.max(axis=0) - page) / 2.0 / per).tolist()
+    corners, reach = np.concatenate([*panel.lines, panel.points]), np.abs(panel.arrows).max(axis=0)
+    extent = np.maximum(np.ptp(corners, axis=0), LEAST * framing.size)
+    per = float(((page - 2.0 * (ROOM + reach)) / extent).min())
+    left, bottom = ((corners.min(axis=0) + corners.max(axis=0) - page / per) / 2.0).tolist()
     axis.set(xlim=(left, left + ACROSS / per), ylim=(bottom, bottom + HIGH / per))
     axis.set_axis_off()
     axis.text(0.02, 0.97, label(plain(panel.name)), transform=axis.transAxes, fontsize=8, weight="bold", va="top")

@@ -15,6 +15,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array
@@ -242,24 +243,14 @@ def _triangles(part: Element) -> Triangles:
     return corners[np.array(fans, np.int64).reshape(-1, 3)]
 
 
-def _translate(numbers: Array) -> Array:
-    matrix = np.eye(4)
-    matrix[:3, 3] = numbers
-    return matrix
-
-
-def _rotate(numbers: Array) -> Array:
-    axis, angle = numbers[:3] / np.linalg.norm(numbers[:3]), np.radians(numbers[3])
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    matrix = np.eye(4)
-    matrix[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-    return matrix
+def _turn(numbers: Array) -> Array:
+    return np.asarray(pin.exp3(np.radians(numbers[3]) * numbers[:3] / np.linalg.norm(numbers[:3])))
 
 
 _TRANSFORMS: dict[str, Callable[[Array], Array]] = {
     "matrix": lambda numbers: numbers.reshape(4, 4),
-    "translate": _translate,
-    "rotate": _rotate,
+    "translate": lambda numbers: pin.SE3(np.eye(3), numbers).homogeneous,
+    "rotate": lambda numbers: pin.SE3(_turn(numbers), np.zeros(3)).homogeneous,
     "scale": lambda numbers: np.diag([*numbers, 1.0]),
 }
 
