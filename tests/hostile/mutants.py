@@ -20,7 +20,7 @@ import pinarm
 from pinarm.cli.main import main as command
 from pinarm.errors import PinarmError
 from pinarm.use.cases.case import Row
-from pinarm.use.show.meshes import read_mesh
+from pinarm.use.show.bodies import read_mesh
 from pinarm.use.study.restore import restore
 from pinarm.use.study.sweep.axes import read_cases
 from pinarm.use.study.sweep.solving import Journal

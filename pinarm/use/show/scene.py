@@ -22,6 +22,7 @@ from pinarm.use.show.bodies import (
     BodyPoint,
     Colour,
     Connection,
+    Mesh,
     Node,
     Shape,
     Visuals,
@@ -32,7 +33,6 @@ from pinarm.use.show.bodies import (
     point_of,
 )
 from pinarm.use.show.labels import name_label, plain
-from pinarm.use.show.meshes import Mesh
 
 RIM: Complex = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 73))
 """Points of a circle of radius 1."""

@@ -9,7 +9,7 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.input.roots import example_robot_data
-from pinarm.use.show.meshes import read_mesh
+from pinarm.use.show.bodies import read_mesh
 
 
 def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:

@@ -30,9 +30,8 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import frame_of
 from pinarm.records import Record, ValueRecord
 from pinarm.use.output import write_file
-from pinarm.use.show.bodies import BodyPoint, Node, placed, point_of, visuals
+from pinarm.use.show.bodies import BodyPoint, Mesh, Node, placed, point_of, visuals
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
-from pinarm.use.show.meshes import Mesh
 from pinarm.use.show.replay.modes import CYCLE, mode_pictures, require_bare
 from pinarm.use.show.scene import Scene, names_of, scene
 
