@@ -101,7 +101,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         mechanism = self._losing(mechanism)
         start = {**self.start, **self.initial.position}
         row = schema_row(mechanism, start, self.loads, "t", unit("s"), along(mechanism, self.motion))
-        events = event_columns(self.events, [()], np.zeros(1, dtype=np.intp))
+        events = event_columns(self.events, (), 1)
         rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
         pushes = push_columns(mechanism, filter(mechanism.joints.__contains__, self.end_stops), np.zeros_like(row.v))
         row = self._controlled(mechanism, replace(row, columns={**rest, **pushes}))

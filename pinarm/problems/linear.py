@@ -14,6 +14,7 @@ from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.assembly import first_position, start_near
 from pinarm.engine.kinematics.prescribed import Assembly
 from pinarm.engine.labelled_array import LabelledArray
+from pinarm.engine.linear.derivatives import Input, input_of, with_inputs
 from pinarm.engine.linear.force_balance import (
     Driven,
     ForceBalance,
@@ -23,7 +24,6 @@ from pinarm.engine.linear.force_balance import (
     state_row,
     steady_state,
 )
-from pinarm.engine.linear.inputs import Input, input_of, with_inputs
 from pinarm.engine.linear.linear_states import Drives, Linearisation, participations, require_same, rigid_modes
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome

@@ -21,15 +21,24 @@ from pinarm.engine.dynamics.equation import accelerations, require_masses
 from pinarm.engine.labelled_array import LabelledArray
 from pinarm.engine.linear.derivatives import (
     EquationDerivatives,
+    Input,
     complex_kept,
     element_derivatives,
     equation_derivatives,
+    force_load,
     load_at_kink,
+    stepped_force,
     tree_derivatives,
 )
-from pinarm.engine.linear.force_balance import acting, state_row
-from pinarm.engine.linear.friction import FrictionState, friction_slopes, friction_state, measured, with_friction
-from pinarm.engine.linear.inputs import Input, force_load, stepped_force
+from pinarm.engine.linear.force_balance import (
+    FrictionState,
+    acting,
+    friction_slopes,
+    friction_state,
+    measured,
+    state_row,
+    with_friction,
+)
 from pinarm.engine.linear.linearisation import DEPENDENT, LinearMotion, Modes, Rows, linear_motion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities import states

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.segmented.end_stops import Bound
@@ -63,8 +63,7 @@ class IntegratedMotion(SolvedMotion, Record, frozen=True):
         rows = replace(states(self.mechanism, self.hybrid, grid, motion), dynamics=self.motion.dynamics)
         if self.hybrid.controls:
             rows = self._controlled(rows, self.hybrid.controls)
-        alike = np.zeros(len(grid.t), dtype=np.intp)
-        columns = {**rows.columns, **event_columns(self.hybrid.watches, [self.motion.events], alike)}
+        columns = {**rows.columns, **event_columns(self.hybrid.watches, self.motion.events, len(grid.t))}
         return self._directed(replace(rows, columns=columns))
 
     def _controlled(self, rows: Trajectory, controls: Controls) -> Trajectory:
@@ -131,16 +130,12 @@ def driven_by(controls: Controls, rows: Trajectory) -> Trajectory:
     return replace(rows, driven=driven, drives=(*rows.drives, *names))
 
 
-def event_columns(names: Iterable[str], events: Sequence[Sequence[EventRecord]], motion: Indices) -> dict[str, Series]:
-    """Return when each event first took place, and how often, as columns that are constant within a motion.
-
-    ``events`` took place motion by motion; ``motion`` tells which motion each row belongs to, shape (n,).
-    """
+def event_columns(names: Iterable[str], events: Sequence[EventRecord], rows: int) -> dict[str, Series]:
+    """Return when each event first took place, and how often, as columns that are the same in all rows."""
     columns = {}
     for name in names:
-        times = [[event.t for event in of_one if event.name == name] for of_one in events]
-        first = np.array([x[0] if x else np.nan for x in times])[motion]
-        count = np.array([float(len(x)) for x in times])[motion]
+        times = [event.t for event in events if event.name == name]
+        first, count = np.full(rows, times[0] if times else np.nan), np.full(rows, float(len(times)))
         columns[f"event.{name}.time"] = Series(f"event.{name}.time", unit("s"), first)
         columns[f"event.{name}.count"] = Series(f"event.{name}.count", unit("1"), count)
     return columns

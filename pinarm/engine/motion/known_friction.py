@@ -281,17 +281,14 @@ def _band_notes(band: EffortBand, low: Array, high: Array, resting: Flags, insta
 
 def _endless_notes(name: str, low: Array, high: Array, resting: Flags) -> Iterator[str]:
     """Yield notes on a drive that cannot move its coordinate, whatever its effort."""
-    n, drive = len(low), name.removesuffix(".effort")
-    endless = {"lower": (low == -np.inf) & resting, "upper": (high == np.inf) & resting}
-    any_effort = endless["lower"] & endless["upper"]
-    if any_effort.any():
-        yield (
-            f"{drive} is self-locking in {any_effort.sum()} of {n} rows: friction grows with the effort and holds any: "
-            f"{name}.lower and .upper are -inf and inf; a drive along another coordinate moves the mechanism"
-        )
-    for (side, rows), way in zip(endless.items(), ("down", "up"), strict=True):
-        if (rows & ~any_effort).any():
+    drive, down, up = name.removesuffix(".effort"), (low == -np.inf) & resting, (high == np.inf) & resting
+    for rows, what in (
+        (down & up, f"is self-locking in {{}} of {len(low)} rows: friction grows with the effort and holds any"),
+        (down & ~up, f"cannot move down in {{}} of {len(low)} rows, as friction grows with the effort"),
+        (up & ~down, f"cannot move up in {{}} of {len(low)} rows, as friction grows with the effort"),
+    ):
+        if rows.any():
             yield (
-                f"{drive}: no effort moves it {way} in {(rows & ~any_effort).sum()} of {n} rows, as friction grows "
-                f"with the effort: {name}.{side} is infinite there"
+                f"{drive} {what.format(rows.sum())}: {name}.lower or .upper is infinite there; a drive along another "
+                "coordinate moves the mechanism"
             )
