@@ -223,15 +223,6 @@ class Decomposition(Record, frozen=True):
         """Number of independent rows, shape (..)."""
         return np.asarray(sum((group.rank for group in self.groups), np.zeros(self.shape[:-2], dtype=np.intp)))
 
-    @property
-    def regularity(self) -> float:
-        """Smallest singular value of the independent rows, relative to the largest of its group; of one configuration.
-
-        0 without rows.
-        """
-        ratios = (group.values[int(group.rank) - 1] / group.values[0] for group in self.groups if group.rank)
-        return float(min(ratios, default=0.0))
-
     @cached_property
     def stresses(self) -> Array:
         """Basis of the multipliers with ``G^T lam = 0``, each of one group and of length 1, shape (.., m, s).

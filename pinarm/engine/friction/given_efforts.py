@@ -13,8 +13,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import mass_matrix
 from pinarm.engine.friction.complementarity import MARGIN, Extremes, FrictionBalance, decided, extreme_frictions, filled
-from pinarm.engine.friction.slip_equation import SlipEquation
-from pinarm.errors import DynamicsError
+from pinarm.engine.friction.slip_equation import SlipEquation, jammed
 from pinarm.mechanics.friction.contact import FrictionContact, several, sizes, slip_rows, unit_vectors
 
 NOTHING = np.zeros(0)
@@ -42,11 +41,7 @@ def friction_under(
         direction = np.array(slip.direction, float)
         solution = balance.solve(direction, slip.stuck, np.zeros(len(contacts), dtype=bool))
         if solution is None:
-            names = ", ".join(dict.fromkeys(contact.name for contact in contacts))
-            raise DynamicsError(
-                f"friction of {names} raises the load that it depends on without end: it jams",
-                expected="a smaller mu, or a longer span of the guide",
-            )
+            raise jammed(contacts, np.ones(len(contacts)), "")
         friction[i] = solution.f
         extremes.append(extreme_frictions(balance, direction, slip.stuck, solution.f))
     return friction, filled(friction, extremes)

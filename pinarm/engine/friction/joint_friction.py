@@ -29,7 +29,7 @@ from pinarm.engine.friction.complementarity import (
     directions_of,
     extreme_frictions,
 )
-from pinarm.engine.friction.slip_equation import SlipEquation
+from pinarm.engine.friction.slip_equation import SlipEquation, jammed
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_at
@@ -148,14 +148,7 @@ class JointFriction(AbstractRecord, ForceElement, frozen=True):
         resting = np.zeros(len(self.contacts), dtype=bool)
         solution = self.balance(t, q, v).solve(self.directions(self.slips(q, v)), self.slip.stuck, resting)
         if solution is None:
-            rubbing = (contact.name for contact, s in zip(self.contacts, self.direction, strict=True) if s)
-            names = ", ".join(dict.fromkeys(rubbing))
-            raise DynamicsError(
-                f"at t = {t:.9g} s friction of {names} raises the load that it depends on without end: the joint jams",
-                expected="a smaller mu, or a longer span of the guide",
-                t=t,
-                q=q,
-            )
+            raise jammed(self.contacts, self.direction, f"at t = {t:.9g} s ", t=t, q=q)
         return solution
 
     def solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:

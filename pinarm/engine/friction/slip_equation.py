@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from itertools import pairwise, product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -60,6 +60,16 @@ SOLVED, ITERATIONS = 4e-16, 200
 
 ROUNDED = 1e-12
 """Part of the terms of an effort by which rounding may let a reserve be negative."""
+
+
+def jammed(contacts: Sequence[FrictionContact], rubbing: Array, where: str, **data: Any) -> DynamicsError:
+    """Return the error of friction without a root, in the joints of a mask, shape (k,), at a place in words."""
+    names = ", ".join(dict.fromkeys(contact.name for contact, rubs in zip(contacts, rubbing, strict=True) if rubs))
+    return DynamicsError(
+        f"{where}friction of {names} raises the load that it depends on without end: it jams, and no effort moves it",
+        expected="a smaller mu, a longer span of the guide, or a drive along another coordinate",
+        **data,
+    )
 
 
 class CarriedLoads(Record, frozen=True):

@@ -21,7 +21,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
-from pinarm.engine.friction.slip_equation import ROUNDED, BearingReactions, CarriedLoads, Slipping
+from pinarm.engine.friction.slip_equation import ROUNDED, BearingReactions, CarriedLoads, Slipping, jammed
 from pinarm.engine.motion.standstill import STANDSTILL, Beside, at_rest, leading
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
@@ -111,13 +111,8 @@ class KnownFriction:
         if equation.require_one_root():
             return equation.friction()
         run = self.run
-        rubbing = (friction.name for friction, s in zip(run.mechanism.frictions, direction, strict=True) if s)
-        names = ", ".join(dict.fromkeys(rubbing))
-        raise DynamicsError(
-            f"at {run.parameter} = {run.grid.t[row]:.9g} {run.unit} no effort moves the mechanism against the friction "
-            f"of {names}: friction raises its own load without end, it jams",
-            expected="a smaller mu, a longer span of the guide, or a drive along another coordinate",
-        )
+        where = f"at {run.parameter} = {run.grid.t[row]:.9g} {run.unit} "
+        raise jammed(run.mechanism.frictions, direction, where)
 
     def _equation(self, row: int, direction: Array, *, at_rest: bool) -> Slipping:
         contacts, speeds = self.run.mechanism.frictions, sizes(self.run.mechanism.frictions, self.slips[row])
@@ -212,16 +207,11 @@ class KnownFriction:
             for i in np.flatnonzero(sizes(contacts, direction) == 0.0).tolist()
             if any(loads.most(j, contacts[j].bearing)[i] > FEW for j in moving)
         ]
-        for i in (i for i in idle if several(contacts)[i]):
+        if len(idle) > MANY or several(contacts)[idle].any():
             raise DynamicsError(
-                f"{contacts[i].name} stands still, with friction in any direction, and loads joints that begin to "
+                f"{', '.join(dict.fromkeys(contacts[i].name for i in idle))} stand still and load joints that begin to "
                 "move: what begins to move the mechanism is not found by trying directions",
-                expected="no friction in it",
-            )
-        if len(idle) > MANY:
-            raise DynamicsError(
-                f"{len(idle)} joints that stand still load those that begin to move",
-                expected=f"friction in at most {MANY} of them",
+                expected=f"friction along one direction, in at most {MANY} of them",
             )
         directions = np.tile(direction, (2 ** len(idle), 1))
         directions[:, idle] = list(product([1.0, -1.0], repeat=len(idle)))

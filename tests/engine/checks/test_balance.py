@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.checks.balance import GAUSS_NODES, EnergyAccount, energy_balance, part_weights, power_balance
+from pinarm.engine.checks.balance import EnergyAccount, energy_balance, power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
@@ -133,15 +133,3 @@ class TestEnergyBalance:
         skewed = Interval(0.0, 2.0, lambda t, q, v: honest(t, q, v) * (1 + 1e-6))
         solution = integrate([skewed], arm.dynamics.manifold, np.array([0.4, 0.0]), np.zeros(2), Adaptive(1e-12))
         assert energy_balance(EnergyAccount(solution, [arm.dynamics]))["energy"] > 1e-8
-
-
-@pytest.mark.parametrize("count", [1, 4])
-def test_powers_at_the_nodes_of_a_step_are_integrated_over_its_parts(count):
-    """Over a part exactly up to degree 3, over the whole step up to degree 7, as Gauss's rule is."""
-    x = 0.5 * (np.polynomial.legendre.leggauss(GAUSS_NODES)[0] + 1.0)
-    ends = np.linspace(0.0, 1.0, count + 1)
-    for degree in range(8):
-        parts = part_weights(count) @ x**degree / count
-        if degree < GAUSS_NODES:
-            assert parts == pytest.approx(np.diff(ends ** (degree + 1)) / (degree + 1), rel=1e-13)
-        assert parts.sum() == pytest.approx(1.0 / (degree + 1), rel=1e-13)
