@@ -7,22 +7,11 @@ eighth of the time to make one.
 from __future__ import annotations
 
 from abc import ABCMeta
-from collections.abc import Callable
 from typing import Any, ClassVar, TypeVar
 
 from msgspec import Struct, StructMeta, structs
 
 ValueT = TypeVar("ValueT")
-
-
-def public_face(*names: str) -> Callable[[object], list[str]]:
-    """Return a ``__dir__`` for completion: the public names of the object's own class, and further inherited names."""
-
-    def listed(self: object) -> list[str]:
-        own = (name for name in vars(self if isinstance(self, type) else type(self)) if name[0] != "_")
-        return sorted({*own, *names})
-
-    return listed
 
 
 class Record(Struct, frozen=True, eq=False, dict=True, weakref=True):
@@ -39,6 +28,10 @@ class Record(Struct, frozen=True, eq=False, dict=True, weakref=True):
 
     __hash__ = object.__hash__
     __ne__ = object.__ne__  # the opposite of ``==``, of subclasses that define it too: that of a struct is not
+
+    def __dir__(self) -> list[str]:
+        """Return the public names, for completion."""
+        return [name for name in object.__dir__(self) if name[0] != "_" and name != "unshown"]
 
     def __repr__(self) -> str:
         """Return the class with its fields."""

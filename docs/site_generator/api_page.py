@@ -37,10 +37,10 @@ def _summary(name: str) -> str:
 def _entry(name: str) -> Iterator[str]:
     """Yield what mkdocstrings makes an entry of: the object where it is defined, under the name that users know.
 
-    Of a class with a public face, its members are those that completion offers, inherited ones too.
+    Members of a record are all that have a public name, inherited ones too.
     """
     thing = getattr(pinarm, name)
-    listed = vars(thing).get("__dir__") if isinstance(thing, type) else None
-    members = f", inherited_members: true, members: [{', '.join(listed(thing))}]" if listed else ""
+    listed = [name for name in dir(thing) if name[0] != "_"] if hasattr(thing, "__struct_fields__") else []
+    members = f", inherited_members: true, members: [{', '.join(listed)}]" if listed else ""
     yield f"::: {thing.__module__}.{thing.__qualname__}"
     yield f"    options: {{heading: pinarm.{name}, toc_label: {name}{members}}}\n"

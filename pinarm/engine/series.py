@@ -27,7 +27,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.errors import UnitError
 from pinarm.input.formulas.expressions import Measure, Rule, power, pure, root, same
 from pinarm.input.units import ANGLES, DIMENSIONLESS, Unit, unit
-from pinarm.records import AbstractRecord, public_face, replace
+from pinarm.records import AbstractRecord, replace
 
 ROUNDING = 1e-12
 """Size relative to that of its terms below which all of a quantity is their rounding."""
@@ -63,8 +63,6 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
     def known(self) -> Flags:
         """Mask of the values that are numbers, shape (n,); infinite values count in an ``unbounded`` series."""
         return ~np.isnan(self.values) if self.unbounded else np.isfinite(self.values)
-
-    __dir__ = public_face()
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values).view()

@@ -19,7 +19,7 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.yaml.document import Values
-from pinarm.records import public_face, replace
+from pinarm.records import replace
 from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.result import result as results
 from pinarm.use.result.failures import failures_in_words
@@ -56,12 +56,6 @@ class Result(results.Result, frozen=True):
     Its fields, such as ``scenario``, ``figures``, ``errors``, ``setting`` and ``removals``, are those of
     ``use.result.result.Result``.
     """
-
-    __dir__ = public_face(
-        "arrays", "columns", "error", "errors", "events", "excesses", "figures", "kind", "linearise", "name", "notes",
-        "number", "numbers", "outcome", "parameter", "quantities", "removals", "scenario", "section", "sections",
-        "setting", "summary", "to_dataframe", "trajectory",
-    )  # fmt: skip
 
     def to_control(self) -> StateSpace:
         """Return a linear analysis as a state space of python-control, with names of states, inputs and outputs.
@@ -220,8 +214,6 @@ class Scenario(scenarios.Scenario, frozen=True):
     Its fields, such as ``document``, ``content``, ``problem`` and ``folder``, are those of
     ``use.scenario.scenario.Scenario``.
     """
-
-    __dir__ = public_face("content", "document", "folder", "name", "problem", "quantities", "symbols", "varied")
 
     @cached_property
     def mechanism(self) -> Mechanism:

@@ -14,7 +14,6 @@ from pinarm.engine import mechanism
 from pinarm.engine.mechanism_loading import load_mechanism, mechanism_of_model
 from pinarm.errors import InputError, require_map, require_path
 from pinarm.input.yaml.document import Values
-from pinarm.records import public_face
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -33,11 +32,6 @@ class Mechanism(mechanism.Mechanism, frozen=True):
     Its fields, such as ``model``, ``joints``, ``balls``, ``coordinates``, ``constraints``, ``drives``, ``forces``,
     ``arguments`` and ``notes``, are those of ``engine.mechanism.Mechanism``.
     """
-
-    __dir__ = public_face(
-        "arguments", "balls", "closure", "constraints", "coordinates", "drives", "forces", "joints", "model", "notes",
-        "payloads", "symbols", "title",
-    )  # fmt: skip
 
     def _repr_html_(self) -> str:
         """Return bodies, joints, loops, forces and drives as tables, for notebooks."""

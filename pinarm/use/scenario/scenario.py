@@ -22,7 +22,6 @@ from pinarm.engine.mechanism_loading import acted_along, mechanism_document, mec
 from pinarm.engine.motion.guards import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.series import Series
 from pinarm.errors import InputError, Key, MethodError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
@@ -37,7 +36,7 @@ from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace
 from pinarm.use.result.failures import failures_in_words, is_too_large, overflow
 from pinarm.use.result.measures import Figures
-from pinarm.use.result.presentation import UNIT_KINDS, Presentation
+from pinarm.use.result.presentation import UNIT_KINDS
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import (
     GIVEN,
@@ -230,8 +229,9 @@ class Scenario(Record, frozen=True):
             return self.given
         wanted = self.content.mechanism
         with self.document.locating("mechanism"):
+            file = Path(wanted).suffix and contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
             return read_mechanism(
-                self._file_of(wanted) if Path(wanted).suffix else wanted,
+                file or wanted,
                 {name: value.given for name, value in self.content.arguments.items()},
                 gravity=self.content.gravity,
                 payloads=self.content.payloads,
@@ -239,15 +239,6 @@ class Scenario(Record, frozen=True):
                 locate=self.document.locating,
                 acted=self.acted,
             )
-
-    def _file_of(self, wanted: str) -> Path:
-        """Return the file of the mechanism; of a saved scenario elsewhere, errors name the one saved beside it."""
-        try:
-            return contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
-        except InputError as error:
-            if (self.folder / "summary.json").is_file() and (self.folder / GIVEN).is_file():
-                error.hint = f"mechanism: {GIVEN}, which was saved beside it; or {error.hint}"
-            raise
 
     def number_at(self, path: str) -> Measured:
         """Return the number that a path leads to, as ``varied`` takes it: of the scenario, or else of its mechanism."""
@@ -476,18 +467,6 @@ class ScenarioSource(Record, frozen=True):
     def scenario(self) -> Scenario:
         fields = {name: getattr(self, name) for name in ("seed", "given", "functions", "function_forces")}
         return replace(self.kind.of(self.document, self.folder), **fields)
-
-
-def _shown_quantity(name: str, quantities: Quantities, presentation: Presentation) -> Series:
-    """Return a quantity that is to be shown in another unit; an error names the words for kinds too."""
-    try:
-        return quantities[name]
-    except InputError as error:
-        if name in UNIT_KINDS:
-            expected = f"a unit such as {' or '.join(UNIT_KINDS[name])}"
-            raise InputError(f"'{presentation.units[name]}' is no unit of '{name}'", expected=expected) from None
-        expected = f"{error.expected}; or a kind: {', '.join(UNIT_KINDS)}"
-        raise InputError(error.message, expected=expected, hint=error.hint) from None
 
 
 def _with_digits(document: Document) -> Document:

@@ -422,6 +422,7 @@ def _logarithmic(axis: Axes, amplitudes: bool, frequencies: Array) -> None:
     if frequencies.max() < SOME_DECADES * frequencies.min():
         axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter("")
     if amplitudes and any(np.any(np.asarray(line.get_ydata()) > 0.0) for line in axis.lines):
         axis.set_yscale("log")
     elif "°" in axis.get_ylabel():

@@ -18,7 +18,6 @@ from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.assembly import beside, closed_drawing, generic
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.model_source import MESH_MASSES
 from pinarm.errors import LISTED, InputError, UnitError, choices, require_map, several
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Values
@@ -249,11 +248,9 @@ class Explanation:
         return f", {length:.4g} m long {self.where}, {acts}"
 
     def _modelled(self) -> list[str]:
-        """Return remarks on the convention of q and v, meshes, joints left out with reasons, and a missing kernel."""
+        """Return remarks on the convention of q and v, joints left out with reasons, and a missing kernel."""
         model = self.mechanism.model
         lines = self._convention()
-        if "<mesh" in self.mechanism.xml and MESH_MASSES not in self.mechanism.notes:
-            lines.append("meshes are not read: no mass is taken from them")
         if self.removals:
             count = model.njoints - 1
             lines.append(f"solved for: {count - len(self.removals)} of {count} joints")

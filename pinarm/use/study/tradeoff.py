@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, IntegrationError, NumericsError
+from pinarm.input.units import DIMENSIONLESS
 from pinarm.input.yaml.document import Values
 from pinarm.use.accuracy.error_estimate import common_rows, different_course, output_differences, reason_for_no_bound
 from pinarm.use.accuracy.integration_settings import (
@@ -29,7 +31,10 @@ from pinarm.use.facade import Given, Scenario, load
 from pinarm.use.output import whole_folder
 from pinarm.use.result.number_accuracy import output_scales
 from pinarm.use.result.result import Result
+from pinarm.use.result.section import Curve, Graph
 from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
+from pinarm.use.show.picture import graph
+from pinarm.use.show.picture_files import file_name
 from pinarm.use.show.text import aligned
 from pinarm.use.store.files import json_text, write
 
@@ -170,7 +175,7 @@ class Tradeoff:
     def plots(self) -> dict[str, Picture]:
         """Return the plots: error against cost of ``settings``, outputs of ``variants``."""
         drawn = {"settings": work_precision(self, self.reference)} if self.reference else {}
-        return {**drawn, "variants": outputs(self)} if self.variants else drawn
+        return {**drawn, **(outputs(self) if self.variants else {})}
 
     def _repr_html_(self) -> str:
         from pinarm.use.show.text import figure, lines
@@ -354,51 +359,32 @@ def remarks(trade: Tradeoff) -> list[str]:
 
 
 def work_precision(trade: Tradeoff, reference: Reference) -> Picture:
-    """Return the errors of all settings over their evaluations, a curve for each method.
+    """Return the errors of all settings over their evaluations, a curve for each method; recommended ones as points.
 
-    Recommended settings are ringed; in the grey band below, errors are those of the reference.
+    Errors below that of the reference are drawn as large as that.
     """
-    from pinarm.use.show.labels import plain
-    from pinarm.use.show.picture import COLOURS, WIDTH, drawing
 
-    floor = max(reference.bound, 1e-16)
-    with drawing(WIDTH, 3.6, plain(trade.scenario.content.title or trade.scenario.name)) as figure:
-        axis = figure.subplots()
-        for k, method in enumerate(dict.fromkeys(point.method for point in trade.points)):
-            known = [point for point in trade.points if point.method == method and np.isfinite(point.error)]
-            x, y = [point.evaluations for point in known], [point.error for point in known]
-            axis.loglog(x, y, marker="os^Dv*"[k % 6], markersize=4, color=COLOURS[k % len(COLOURS)], label=method)
-        ring: dict[str, Any] = {"markersize": 10, "fillstyle": "none", "color": "black"}
-        for wanted, point in trade.recommended().items():
-            axis.axhline(wanted, color="0.6", linewidth=0.8, linestyle=":")
-            if point:
-                axis.plot(point.evaluations, point.error, "o", **ring)
-        axis.plot([], [], "o", label="recommended", **ring)
-        axis.axhspan(min(floor, axis.get_ylim()[0]), floor, color="0.9", zorder=0)
-        axis.set_ylim(top=max(axis.get_ylim()[1], WANTED[0]))
-        axis.set(xlabel="evaluations of the acceleration", ylabel="largest relative error of any output")
-        axis.legend(frameon=False, loc="best")
-    return figure
+    def curve(name: str, points: Sequence[TriedSetting], *, points_only: bool = False) -> Curve:
+        known = [point for point in points if np.isfinite(point.error)]
+        costs = np.array([float(point.evaluations) for point in known])
+        errors = np.array([max(point.error, reference.bound, 1e-16) for point in known])
+        across = Series("evaluations of the acceleration", DIMENSIONLESS, costs)
+        return Curve(across, Series("largest relative error of any output", DIMENSIONLESS, errors), name, points_only)
+
+    methods = dict.fromkeys(point.method for point in trade.points)
+    curves = [curve(method, [x for x in trade.points if x.method == method]) for method in methods]
+    chosen = [point for point in trade.recommended().values() if point]
+    curves += [curve("recommended", chosen, points_only=True)] if chosen else []
+    return graph(Graph("settings", trade.scenario.content.title or trade.scenario.name, curves, logarithmic="xy"))
 
 
-def outputs(trade: Tradeoff) -> Picture:
-    """Return the outputs of all variants over the run, that of the exact model in black."""
-    from pinarm.use.show.labels import axis_label, plain, shown
-    from pinarm.use.show.picture import COLOURS, HEAD, HEIGHT, WIDTH, draw, drawing, fit, legend, panels
-
-    names, how = list(dict.fromkeys(trade.scenario.content.outputs)), trade.scenario.content.presentation
-    known = [(k, variant.name, variant.result) for k, variant in enumerate(trade.variants) if variant.result]
-    last = known[-1][2]
-    along, measured = shown(last.parameter, how)
-    titles = [axis_label(name, shown(last[name], how)[1], how) for name in names]
-    title = plain(trade.scenario.content.title or trade.scenario.name)
-    with drawing(WIDTH, HEAD + HEIGHT * len(names), title) as picture:
-        axes = panels(picture, titles, axis_label(last.parameter.name, measured, how))
-        for axis, name in zip(axes, names, strict=True):
-            for k, called, result in known:
-                x, y = result.trajectory.grid.t / along, result[name].values / shown(result[name], how)[0]
-                look = {"color": COLOURS[(k - 1) % len(COLOURS)], "linestyle": "--"} if k else {"color": "#000000"}
-                draw(axis, x, y, plain(called) if name == names[0] else "", **look)
-            fit(axis)
-        legend(axes[0], axes[0].lines, loc="best")
-    return picture
+def outputs(trade: Tradeoff) -> dict[str, Picture]:
+    """Return a picture of each output over the run, with a curve for every variant."""
+    results = {variant.name: variant.result for variant in trade.variants if variant.result}
+    pictures = {}
+    for name in dict.fromkeys(trade.scenario.content.outputs):
+        curves = [Curve(result.parameter, result[name], called) for called, result in results.items()]
+        pictures[f"variants_{file_name(name)}"] = graph(
+            Graph("variants", name, curves), trade.scenario.content.presentation
+        )
+    return pictures

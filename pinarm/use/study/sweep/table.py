@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from pinarm.arrays import Array
 from pinarm.engine.labelled_array import dataframe
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, require_name
@@ -49,12 +48,8 @@ QUANTILES = {"5 %": 0.05, "median": 0.5, "95 %": 0.95}
 SCALED = ("min", "mean", "deviation", "max")
 """Statistics that have the unit of their column."""
 
-WORST: dict[str, Callable[[Array], Any]] = {
-    **dict.fromkeys((*RESIDUALS, *CLOSURES, "condition", "global error"), np.nanmax),
-    "regularity": np.nanmin,
-    "relative regularity": np.nanmin,
-}
-"""Measures of accuracy, and which of their values is the worst."""
+WORST = (*RESIDUALS, *CLOSURES, "condition", "global error", "regularity", "relative regularity")
+"""Measures of accuracy whose worst value is told: of regularities the least, of others the largest."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -114,13 +109,6 @@ class Sweep:
         """Return the columns that were asked for, without the measures of accuracy."""
         return [series for series in self.columns if series.name not in WORTH]
 
-    @property
-    def missing(self) -> dict[str, list[int]]:
-        """Results that are not finite in cases that did not fail, and these cases."""
-        empty = {series.name: np.flatnonzero(np.isnan(series.values)).tolist() for series in self.results()}
-        known = {name: [case for case in cases if case not in self.errors] for name, cases in empty.items()}
-        return {name: cases for name, cases in known.items() if cases}
-
     def written(self) -> list[Series]:
         """Return the columns as tables for people have them: in the units that the scenario chooses."""
         return [*self.given, *map(self.presentation.written, self.columns)]
@@ -135,8 +123,8 @@ class Sweep:
         return b"".join(cases_csv(self.written(), self.errors)).decode()
 
     def summary(self) -> dict[str, Any]:
-        """Return statistics of every result, the worst measures of accuracy, cases without a result, and failures."""
-        names = [series.name for series in self.columns if series.name in WORST]
+        """Return statistics of every result, the worst measures of accuracy, and failures."""
+        measured = [series for series in self.columns if series.name in WORST]
         doubts = [f"{series.name}: {series.doubt}" for series in self.columns if series.doubt]
         return {
             "scenario": self.name,
@@ -144,8 +132,7 @@ class Sweep:
             "cases": len(self),
             "failed": len(self.errors),
             "results": {series.name: statistics(series) for series in self.results()},
-            "accuracy": {name: float(WORST[name](self[name].values)) for name in names},
-            "missing": self.missing,
+            "accuracy": {x.name: float((np.nanmin if "regular" in x.name else np.nanmax)(x.values)) for x in measured},
             "failures": failures(self.errors),
             "notes": [*doubts, *self.notes, *self._open_cases()],
         }
@@ -362,10 +349,9 @@ def remarks(sweep: Sweep) -> list[str]:
         lines.append(f"regularity: {words} in the worst case; 0 at a singular position")
     lines += [f"note: {note}" for note in counted(summary["notes"])]
     lines.append(f"cases: {len(sweep)}" + (f", {len(sweep.errors)} failed" if sweep.errors else ""))
-    for name, cases in summary["missing"].items():
-        left = summary["results"][name]["cases"]
-        words = f"is not finite in some cases ({_counted(len(cases), cases)}); its statistics are over {left}"
-        lines.append(f"missing: {name} {words}")
+    for name, entry in summary["results"].items():
+        if lacking := len(sweep) - len(sweep.errors) - entry["cases"]:
+            lines.append(f"missing: {name} is not finite in {lacking} cases; its statistics are over {entry['cases']}")
     lines += [f"failed: {x['reason']} ({_counted(x['cases'], x['first'])})" for x in reasons[:SHOWN]]
     return [*lines, *([f"failed: {len(reasons) - SHOWN} more reasons"] if len(reasons) > SHOWN else [])]
 
