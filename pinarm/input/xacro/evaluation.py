@@ -247,7 +247,7 @@ class Evaluator:
 
     def _load_yaml(self, name: Any) -> Any:
         """Return the lists and maps of a YAML file, whose numbers may have tags such as ``!degrees``."""
-        from pinarm.input.yaml.parser import Builder
+        from pinarm.input.yaml.document import Builder
 
         path = self.file(require_unmarked(str(name)))
         assert path is not None

@@ -5,7 +5,7 @@ import yaml
 from ruamel.yaml import YAML
 
 from pinarm.errors import InputError
-from pinarm.input.yaml.parser import Builder
+from pinarm.input.yaml.document import Builder
 from pinarm.use.store.files import yaml_text
 
 TEXTS = [
