@@ -93,11 +93,12 @@ def mjcf_tree(model: Element) -> Tree:
     _refuse_generated(model)
     reader = _Reader(settings := Settings(model), tree)
     for world in model.findall("worldbody"):
-        if any(reader.elements(world, "", *JOINTS)):
+        content = reader.content(world, "", WORLD)
+        if any(part.tag in JOINTS for part in content):
             raise ModelError(
                 "<worldbody> has a joint of its own", expected="joints in its bodies: the world stands still"
             )
-        reader.bodies(world, WORLD, pin.SE3.Identity(), "", moves=False)
+        reader.bodies(content, WORLD, moves=False)
     reader.scale_masses()
     reader.add_actuators(model)
     reader.sites = [site for site in reader.sites if site.child not in reader.places]  # a link has the name already
@@ -140,11 +141,13 @@ def _note_unread(model: Element, settings: Settings, tree: Tree) -> None:
 
 
 class BodyElement(NamedTuple):
-    """An element of a body: its tag, its attributes with those of its class, the placement of its ``<frame>``."""
+    """An element of a body: its attributes with those of its class, the placement and class of its ``<frame>``."""
 
     tag: str
     said: Part
     frame: pin.SE3
+    element: Element
+    childclass: str
 
 
 class _Reader:
@@ -161,61 +164,52 @@ class _Reader:
         self.places = {WORLD: pin.SE3.Identity()}
         tree.links[WORLD] = pin.Inertia.Zero()
 
-    def elements(self, body: Element, childclass: str, *tags: str, where: str = "") -> Iterator[BodyElement]:
-        """Yield the elements of some kinds that belong to a body itself, those in frames with the frame's placement.
-
-        They come in the order of the file, in which the joints of a body follow each other.
-        """
-        waiting = [(child, pin.SE3.Identity(), childclass) for child in reversed(body)]
+    def content(self, body: Element, childclass: str, where: str) -> list[BodyElement]:
+        """Return what is in a body, in the order of the file; what is in frames has their placement."""
+        content, waiting = list[BodyElement](), [(child, pin.SE3.Identity(), childclass) for child in reversed(body)]
         while waiting:
             element, place, inherited = waiting.pop()
-            if element.tag in tags:
-                words = f"{where}: {element.tag}" + (f" '{name}'" if (name := element.get("name")) else "")
-                plain = element.tag in ("freejoint", "inertial")
-                said = Part.of(words, element) if plain else self.settings.part(element, inherited, words)
-                yield BodyElement(element.tag, said, place)
-            elif element.tag == "frame":
-                inner = place * self._placement(element, f"a frame of body '{body.get('name', '')}'")
-                within = element.get("childclass", inherited)
+            words = f"{where}: {element.tag}" + (f" '{name}'" if (name := element.get("name")) else "")
+            classed = element.tag in ("joint", "geom", "site")
+            said = self.settings.part(element, inherited, words) if classed else Part.of(words, element)
+            if element.tag == "frame":
+                inner, within = place * self.settings.placement(said), element.get("childclass", inherited)
                 waiting += [(child, inner, within) for child in reversed(element)]
+            else:
+                content.append(BodyElement(element.tag, said, place, element, inherited))
+        return content
 
-    def _placement(self, element: Element, where: str) -> pin.SE3:
-        return self.settings.placement(Part.of(where, element))
-
-    def bodies(self, element: Element, parent: str, frame: pin.SE3, childclass: str, *, moves: bool) -> None:
-        for child in element:
-            if child.tag == "frame":
-                place = frame * self._placement(child, f"a frame of '{parent}'")
-                self.bodies(child, parent, place, child.get("childclass", childclass), moves=moves)
-            elif child.tag == "site":
-                said = self.settings.part(child, childclass, f"site '{child.get('name', '')}'")
-                if name := said.texts.get("name"):
-                    self.sites.append(fixed_frame(name, parent, frame * self.settings.shape_placement(said)[0]))
-            elif child.tag == "body":
-                self._body(child, parent, frame, childclass, moves=moves)
+    def bodies(self, content: Sequence[BodyElement], parent: str, *, moves: bool) -> None:
+        """Read the bodies and sites in a body."""
+        for part in content:
+            if part.tag == "site" and (name := part.said.texts.get("name")):
+                place = part.frame * self.settings.shape_placement(part.said)[0]
+                self.sites.append(fixed_frame(name, parent, place))
+            elif part.tag == "body":
+                self._body(part, parent, moves=moves)
             bound("bodies, joints and sites", len(self.joints) + len(self.sites), MAX_LINKS)
 
-    def _body(self, body: Element, parent: str, frame: pin.SE3, childclass: str, *, moves: bool) -> None:
-        self.nameless[parent] += not body.get("name")
-        name = body.get("name") or f"{parent}_body{self.nameless[parent]}"
+    def _body(self, body: BodyElement, parent: str, *, moves: bool) -> None:
+        self.nameless[parent] += not body.element.get("name")
+        name = body.element.get("name") or f"{parent}_body{self.nameless[parent]}"
         if name in self.places:
             raise ModelError(f"two bodies have the name '{name}'", expected="a name of its own for each")
-        said = Part.of(f"body '{name}'", body)
-        if said.texts.get("mocap", "false") == "true":
+        said = Part(body.said.texts, f"body '{name}'")
+        if said.is_true("mocap"):
             self.tree.remark("held where they are drawn, though MuJoCo lets its user move them", name)
         if said.number("gravcomp", 0.0):
             self.tree.remark("gravity compensation is not modelled", name)
-        childclass = body.get("childclass", childclass)
-        place = frame * self.settings.placement(said)
+        content = self.content(body.element, said.texts.get("childclass", body.childclass), said.where)
+        place = body.frame * self.settings.placement(said)
         self.places[name] = self.places[parent] * place
-        parts = [*self.elements(body, childclass, *JOINTS)]
+        parts = [part for part in content if part.tag in JOINTS]
         for joint in [*self._chain(parts, parent, name, place)] or [fixed_frame(name, parent, place)]:
             if joint.name in self.joints:
                 raise ModelError(f"two joints have the name '{joint.name}'", expected="a name of its own for each")
             self.joints[joint.name] = joint
         moves = moves or bool(parts)
-        self.tree.links[name] = self._inertia(body, childclass, said, moves=moves)
-        self.bodies(body, name, pin.SE3.Identity(), childclass, moves=moves)
+        self.tree.links[name] = self._inertia(content, said, moves=moves)
+        self.bodies(content, name, moves=moves)
 
     def _chain(self, parts: Sequence[BodyElement], parent: str, body: str, place: pin.SE3) -> Iterator[TreeJoint]:
         """Yield the joints of a body as a chain: each moves in the frame of the one before it."""
@@ -290,7 +284,7 @@ class _Reader:
             raise ModelError(f"{said.where}: {key}='{said.texts[key]}'", expected="the lower number first")
         return ends
 
-    def _inertia(self, body: Element, childclass: str, said: Part, *, moves: bool) -> pin.Inertia:
+    def _inertia(self, content: Sequence[BodyElement], said: Part, *, moves: bool) -> pin.Inertia:
         """Return the inertia of a body about its frame; zero for a body that never moves.
 
         As in MuJoCo an ``<inertial>`` stays where ``inertiafromgeom`` is true, but no geom of the body has a mass, and
@@ -301,12 +295,12 @@ class _Reader:
         if not moves and not scaled:
             return pin.Inertia.Zero()
         source = compiler.word("inertiafromgeom", ("auto", "false", "true"))
-        inertials = [*self.elements(body, childclass, "inertial", where=where)]
+        inertials = [part for part in content if part.tag == "inertial"]
         total = pin.Inertia.Zero()
         if source == "true" or (source == "auto" and not inertials):
-            for geom in self.elements(body, childclass, "geom", where=where):
+            for geom in (part for part in content if part.tag == "geom"):
                 total += geom.frame.act(geom_inertia(geom.said, settings))
-        elif not inertials and any(self.elements(body, childclass, *JOINTS, "geom")):
+        elif not inertials and any(part.tag in (*JOINTS, "geom") for part in content):
             self.tree.remark("without <inertial>, and their geoms have no mass, as inertiafromgeom is false", where)
         if inertials and not total.mass:
             if len(inertials) > 1:
@@ -315,7 +309,7 @@ class _Reader:
         least = compiler.number("boundmass", 0.0)
         if not total.mass and not inertials and least:
             total = inertia(0.0, said.numbers("pos", 3, ZERO), np.zeros((3, 3)))
-        if not moves and total.mass and settings.switched("fusestatic"):
+        if not moves and total.mass and compiler.is_true("fusestatic"):
             raise ModelError(
                 f"{where}: its mass counts in settotalmass, or with fusestatic does not", expected="one of them"
             )
@@ -323,7 +317,7 @@ class _Reader:
         if least_moment := compiler.number("boundinertia", 0.0):
             values, axes = np.linalg.eigh(moments)
             moments = axes @ np.diag(np.maximum(values, least_moment)) @ axes.T
-        if inertia_defect(moments) and settings.switched("balanceinertia") and np.linalg.eigvalsh(moments)[0] >= 0.0:
+        if inertia_defect(moments) and compiler.is_true("balanceinertia") and np.linalg.eigvalsh(moments)[0] >= 0.0:
             moments = np.trace(moments) / 3.0 * np.eye(3)
         return self.tree.body(max(total.mass, least), pin.SE3(np.eye(3), total.lever), moments, where)
 

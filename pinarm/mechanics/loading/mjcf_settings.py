@@ -121,10 +121,6 @@ class Settings:
         """Whether a range is a limit without ``limited="true"``."""
         return self.compiler.word("autolimits", ("true", "false")) == "true"
 
-    def switched(self, key: str) -> bool:
-        """Return whether a switch of the compiler is on, which is off where it is not given."""
-        return self.compiler.word(key, ("false", "true")) == "true"
-
     def part(self, element: Element, childclass: str, where: str, kind: str = "") -> Part:
         """Return the attributes of an element, with those of its default class where it has none.
 
