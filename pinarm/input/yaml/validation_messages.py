@@ -36,20 +36,22 @@ def failing_path(error: msgspec.ValidationError, data: Any, struct: type[InputSt
         return ()
     for step in re.finditer(_STEP, text.rstrip("`")):
         if step["any"]:
-            path.append(_failing_key(str(error), data, path, struct))
+            path.append(_failing_key(data, path, struct))
         else:
             path.append(int(step["index"]) if step["index"] else step["key"])
     return tuple(path)
 
 
-def _failing_key(message: str, data: Any, path: list[str | int], struct: type[InputStruct]) -> str:
+def _failing_key(data: Any, path: list[str | int], struct: type[InputStruct]) -> str:
+    """Return the first key of a map whose value fails."""
     node = _at(data, path)
+    maps = [kind for kind in _kinds(struct, data, tuple(path)) if get_origin(kind) is dict]
     for key, value in node.items():
         try:
-            msgspec.convert(_replaced(data, path, {key: value}), struct, dec_hook=convert)
-        except msgspec.ValidationError as error:
-            if str(error) == message:
-                return str(key)
+            for kind in maps:
+                msgspec.convert({key: value}, kind, dec_hook=convert)
+        except msgspec.ValidationError:
+            return str(key)
     return str(next(iter(node)))
 
 
@@ -103,9 +105,10 @@ def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:
     if hasattr(annotation, "__metadata__"):
         annotation = annotation.__origin__
     if get_origin(annotation) in (Union, UnionType):
-        for member in get_args(annotation):
-            if not _is_other(member, data):
-                yield from _kinds(member, data, path)
+        members = get_args(annotation)
+        fitting = [member for member in members if not _is_other(member, data)]
+        for member in fitting if any(hasattr(member, "__struct_config__") for member in fitting) else members:
+            yield from _kinds(member, data, path)
         return
     if not path:
         yield annotation
@@ -121,7 +124,7 @@ def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:
 
 
 def _is_other(member: Any, data: Any) -> bool:
-    """Return whether a member of a union is excluded by the tag in the data."""
+    """Return whether the tag in the data excludes a member of a union; a wrong tag excludes all structs in it."""
     if not (isinstance(member, type) and issubclass(member, InputStruct) and isinstance(data, dict)):
         return False
     config = member.__struct_config__
@@ -149,14 +152,8 @@ def _values(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
     kinds = [kind for kind in _kinds(struct, data, path) if get_origin(kind) is Literal]
     unoffered = {name for kind in _structs(struct, data, path[:-1]) for name in kind.unoffered}
     names = [str(literal) for kind in kinds for literal in get_args(kind) if literal not in unoffered]
-    holder = _at(data, list(path[:-1]))
-    if path and isinstance(holder, dict):
-        without = {key: value for key, value in holder.items() if key != path[-1]}
-        replaced = _replaced(data, list(path[:-1]), without)
-        for kind in _structs(struct, replaced, path[:-1]):
-            if kind.__struct_config__.tag_field == path[-1]:
-                names.append(str(kind.__struct_config__.tag))
-    return names
+    tagged = (kind.__struct_config__ for kind in _structs(struct, data, path[:-1]))
+    return [*names, *(str(kind.tag) for kind in tagged if path and kind.tag_field == path[-1])]
 
 
 def _has(data: Any, key: str | int) -> bool:
@@ -169,12 +166,3 @@ def _at(data: Any, path: list[str | int]) -> Any:
     for key in path:
         data = data[key] if _has(data, key) else None
     return data
-
-
-def _replaced(data: Any, path: list[str | int], value: Any) -> Any:
-    if not path:
-        return value
-    first, *rest = path
-    copied: Any = dict(data) if isinstance(data, dict) else list(data)
-    copied[first] = _replaced(data[first], rest, value)
-    return copied
