@@ -295,25 +295,22 @@ def _check_single(drawing: PlanarDrawing) -> None:
 
 
 def _tree(slides: Sequence[DrawnJoint], pins: Sequence[DrawnJoint]) -> list[DrawnJoint]:
-    reached = {GROUND}
-    sliding = _sliding(slides, GROUND, reached)
-    tree, waiting = [*sliding], [(GROUND, sliding)]
-    for body, slid in waiting:  # which grows while it is gone through: breadth first
+    """Return the joints that carry links: breadth first along pins, with all slides from a body right behind it."""
+    reached, slid = {GROUND}, dict[str, list[DrawnJoint]]()
+
+    def sliding(body: str) -> list[DrawnJoint]:
+        chain = slid[body] = [*_outwards(slides, body, reached)]
+        for slide in chain:  # which grows while it is gone through
+            chain += _outwards(slides, slide.second, reached)
+        return chain
+
+    tree, waiting = [*sliding(GROUND)], [GROUND]
+    for body in waiting:
         for joint in _outwards(pins, body, reached):
-            sliding = _sliding(slides, joint.second, reached)
-            tree += [joint, *sliding]
-            waiting.append((joint.second, sliding))
-        waiting += [(slide.second, []) for slide in slid]
+            tree += [joint, *sliding(joint.second)]
+            waiting.append(joint.second)
+        waiting += [slide.second for slide in slid.get(body, ())]
     return tree
-
-
-def _sliding(slides: Sequence[DrawnJoint], body: str, reached: set[str]) -> list[DrawnJoint]:
-    bodies, chain = [body], list[DrawnJoint]()
-    for carrier in bodies:
-        for slide in _outwards(slides, carrier, reached):
-            chain.append(slide)
-            bodies.append(slide.second)
-    return chain
 
 
 def _outwards(joints: Sequence[DrawnJoint], body: str, reached: set[str]) -> Iterator[DrawnJoint]:
