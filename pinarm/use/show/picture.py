@@ -176,8 +176,8 @@ def panels(picture: Picture, titles: Sequence[str], across: str) -> list[Axes]:
 
 
 def draw(axis: Axes, x: ArrayLike, y: ArrayLike, name: str = "", **look: Any) -> Line2D:
-    """Draw a line with gaps where numbers are not ``drawable``; ``name``, a label, is for the legend."""
-    [line] = axis.plot(drawable(x), drawable(y), label=label(name) or None, **look)
+    """Draw a line, with gaps where numbers are not finite; ``name``, a label, is for the legend."""
+    [line] = axis.plot(x, y, label=label(name) or None, **look)
     return line
 
 
@@ -234,12 +234,6 @@ def write_above(axis: Axes, marks: Iterable[tuple[float, str]]) -> None:
             place: Any = (x, 1.0)
             written.append(axis.annotate(text, place, (0, 2), axis.get_xaxis_transform(), "offset points", **look))
         last = pixel
-
-
-def drawable(values: ArrayLike) -> Array:
-    """Return values with gaps, NaN, where they are infinite."""
-    values = np.asarray(values, float)
-    return np.where(np.isfinite(values), values, np.nan)
 
 
 def limits(values: Array, margin: float = 0.0) -> tuple[float, float]:

@@ -5,16 +5,18 @@ Loops are closed anew in every position, by the least change. What decays or gro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Complex
-from pinarm.engine.constraints.constraint_rows import ConstraintRows
+from pinarm.engine.kinematics.assembly import OPEN
+from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import InputError
+from pinarm.engine.series import ROUNDING
+from pinarm.errors import AssemblyError, InputError
 from pinarm.input.units import unit
 from pinarm.language import decimals, said
 from pinarm.mechanics.ball_joints import coordinate_name
@@ -35,12 +37,6 @@ MOST_MODES = 14
 
 TURN, SLIDE = np.radians(20.0), 0.12
 """Largest deviation of a joint at full amplitude: of an angle [rad], of a length relative to the mechanism."""
-
-ITERATIONS, CLOSED = 12, 1e-11
-"""Newton steps at most; gap [m or rad] of a closed loop, relative to ``1 +`` the extent of the mechanism."""
-
-DEPENDENT = 1e-9
-"""Singular value of rows, relative to the largest, that is 0."""
 
 FAR = 0.5
 """Change that closes loops, relative to the deviation, beyond which the position is no longer that of the mode."""
@@ -114,26 +110,14 @@ def _positions(mechanism: Mechanism, q: Array, shape: Complex, phases: Array) ->
     """Return the positions of a mode, shape (LEVELS * PHASES, nq), and whether they close loops, not to first order."""
     turning = np.real(shape * np.exp(1j * phases)[:, None])
     steps = (np.linspace(0.0, 1.0, LEVELS)[:, None, None] * turning).reshape(-1, len(shape))
-    closed = _closed(mechanism, q, steps)
-    return (_moved(mechanism.model, [q] * len(steps), steps), False) if closed is None else (closed, True)
-
-
-def _closed(mechanism: Mechanism, q: Array, steps: Array) -> Array | None:
-    """Return the closed positions beside steps from a closed one, shape (n, nq); ``None`` where there are none near."""
-    rows, gap = ConstraintRows.of(mechanism.model, mechanism.constraints), CLOSED * (1.0 + mechanism.closure.extent)
-    closed, change = _moved(mechanism.model, [q] * len(steps), steps), np.zeros_like(steps)
-    for _ in range(ITERATIONS):
-        measured = rows.at(closed)
-        if np.abs(measured.gaps).max(initial=0.0) <= gap:
-            near = np.linalg.norm(change, axis=1) <= FAR * np.linalg.norm(steps, axis=1) + gap
-            return closed if near.all() else None
-        correction = -(np.linalg.pinv(measured.matrices, DEPENDENT) @ measured.gaps[..., None])[..., 0]
-        closed, change = _moved(mechanism.model, closed, correction), change + correction
-    return None
-
-
-def _moved(model: pin.Model, q: Sequence[Array] | Array, steps: Array) -> Array:
-    return np.array([pin.integrate(model, *pair) for pair in zip(q, steps, strict=True)])
+    moved = np.array([pin.integrate(mechanism.model, q, step) for step in steps])
+    with suppress(AssemblyError):
+        closed = np.array([assembled(mechanism.closure, OPEN, near, np.zeros(0), 0.0) for near in moved])
+        changes = [pin.difference(mechanism.model, *pair) for pair in zip(moved, closed, strict=True)]
+        least = ROUNDING * (1.0 + mechanism.closure.extent)
+        if (np.linalg.norm(changes, axis=1) <= FAR * np.linalg.norm(steps, axis=1) + least).all():
+            return closed, True
+    return moved, False
 
 
 def _description(result: Result, number: int) -> str:

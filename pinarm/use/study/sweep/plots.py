@@ -13,7 +13,7 @@ from pinarm.input.units import HERTZ, unit
 from pinarm.input.yaml.document import argument_of
 from pinarm.language import decimals, in_language, said
 from pinarm.use.show.labels import axis_label, name_label, plain, shown
-from pinarm.use.show.picture import COLOURS, STYLES, Picture, draw, drawable, drawing, label, legend, limits
+from pinarm.use.show.picture import COLOURS, STYLES, Picture, draw, drawing, label, legend, limits
 from pinarm.use.show.picture_files import file_name
 from pinarm.use.study.sweep.axes import Axis
 from pinarm.use.study.sweep.branches import MEASURE
@@ -131,7 +131,7 @@ def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
     axis.vlines(x[lost], 0.0, 1.0, color="0.85", linewidth=3, zorder=0, transform=axis.get_xaxis_transform())
     axis.set_xlabel(_named(along, sweep))
     axis.set_ylabel(label(axis_label(series.name, measured, sweep.presentation)))
-    axis.set_ylim(*limits(drawable(values), 0.05))
+    axis.set_ylim(*limits(values, 0.05))
     if other:
         legend(axis, axis.lines, title=_named(other, sweep, measured=False), title_fontsize=8)
 
@@ -142,7 +142,7 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
     scale, measured = shown(series, sweep.presentation)
     x, y = _ticks(axis.xaxis, along), _ticks(axis.yaxis, other)
     columns, rows = np.argsort(x), np.argsort(y)
-    x, y, values = x[columns], y[rows], drawable(values[np.ix_(rows, columns)] / scale)
+    x, y, values = x[columns], y[rows], values[np.ix_(rows, columns)] / scale
     mesh = axis.pcolormesh(x, y, np.ma.masked_invalid(values), shading="nearest", cmap="viridis", rasterized=True)
     if np.isfinite(values).all() and np.ptp(values) > 0.0:
         axis.clabel(axis.contour(x, y, values, colors="white", linewidths=0.6), fontsize=7)
@@ -155,8 +155,7 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
     scale, measured = shown(series, sweep.presentation)
-    values = drawable(series.values / scale)
-    values = values[np.isfinite(values)]
+    values = series.values[np.isfinite(series.values)] / scale
     axis.set_xlabel(label(axis_label(series.name, measured, sweep.presentation)))
     axis.set_ylabel(said("cases"))
     if not len(values):
@@ -183,7 +182,7 @@ def _ticks(direction: Any, axis: Axis) -> Array:
     """Return the places of an axis's values; words stand side by side."""
     column = axis.columns[0]
     if column.is_numeric:
-        return drawable(np.array(column.values, float))
+        return np.array(column.values, float)
     direction.set_ticks(range(len(axis)), [label(plain(str(value))) for value in column.values])
     return np.arange(len(axis), dtype=float)
 
