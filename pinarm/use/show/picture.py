@@ -6,9 +6,9 @@ They are for print and safe for colour-blind readers. The same numbers give the 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from itertools import cycle, product
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Annotation
-from matplotlib.ticker import FixedFormatter, Formatter
+from matplotlib.ticker import FixedFormatter
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
@@ -139,28 +139,16 @@ def drawing(width: float, height: float, title: str = "") -> Iterator[Picture]:
         _set_decimal_mark(picture)
 
 
-class _Comma(Formatter):
-    """Numbers of another formatter, with a decimal comma."""
-
-    def __init__(self, pointed: Formatter) -> None:
-        self.pointed = pointed
-
-    def __call__(self, x: float, pos: int | None = None) -> str:
-        return str(self.pointed(x, pos)).replace(".", ",")
-
-    def set_locs(self, locs: Any) -> None:
-        self.pointed.set_locs(locs)
-
-    def get_offset(self) -> str:
-        return str(self.pointed.get_offset())
-
-
 def _set_decimal_mark(picture: Picture) -> None:
     """Give ticks that are numbers the decimal mark of the language that is written now."""
     for ticks in (ticks for axis in picture.axes for ticks in (axis.xaxis, axis.yaxis)):
         pointed = ticks.get_major_formatter()
         if spoken() != "en" and not isinstance(pointed, FixedFormatter):
-            ticks.set_major_formatter(_Comma(pointed))
+            vars(pointed)["format_ticks"] = partial(_with_comma, pointed.format_ticks)
+
+
+def _with_comma(pointed: Callable[[Any], list[str]], places: Any) -> list[str]:
+    return [text.replace(".", ",") for text in pointed(places)]
 
 
 def panels(picture: Picture, titles: Sequence[str], across: str) -> list[Axes]:
