@@ -25,7 +25,7 @@ from pinarm.use.show.picture import ERRORS, OPEN
 from pinarm.use.show.replay.page import ARROWS
 from pinarm.use.show.text import report as terminal
 from pinarm.use.study.answers.check import LOOKS
-from pinarm.use.study.lab import FACTORS, PARTLY, WEIGHTS
+from pinarm.use.study.lab import FACTOR_IN, FACTORS, PARTLY, SIGN_IN
 
 PACKAGE = Path(pinarm.__file__).parent
 ROOT = PACKAGE.parent
@@ -35,7 +35,7 @@ TREES = [ast.parse(path.read_text()) for path in PACKAGE.rglob("*.py")]
 TABLES = (
     WORDS.values(), (kind.question for kind in KINDS.values()), KINDS, LABELS.values(), MEASURES, MEASURES.values(),
     COSTS, ERRORS.values(), ARROWS.values(), FACTORS, LETTERS, LOOKS.values(),
-    (HEADING, TITLE, REMARK, IN_PLANE, LAW, PROJECTED, OPEN, WEIGHTS, PARTLY),
+    (HEADING, TITLE, REMARK, IN_PLANE, LAW, PROJECTED, OPEN, SIGN_IN, FACTOR_IN, PARTLY),
     re.findall(r"\[\[([^0-9]*?)\]\]", PAGE),
 )  # fmt: skip
 """Texts that are translated by a name of the table that they are in."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.engine.integration.methods import METHODS, MethodName
+from pinarm.engine.integration.methods.explicit import LIMITED
 from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
@@ -18,7 +19,11 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
 
 TRIED: tuple[MethodName, ...] = tuple(name for name, entry in METHODS.items() if entry.setting == "tolerance")
-"""Methods that are tried where the scenario names none, until one reaches the target."""
+"""Methods that are tried where the scenario names none, until one reaches the target; in the reverse order where a
+motion is stiff."""
+
+MANY = 3000
+"""Steps within which it shows whether an explicit method is limited by stability."""
 
 
 def reach_target(scenario: Scenario) -> Result:
@@ -34,7 +39,7 @@ def reach_target(scenario: Scenario) -> Result:
     runs: list[Result | NumericsError] = []
     others: dict[str, Result | None] = {}
     named = "method" in scenario.document.data["accuracy"]
-    for method in (scenario.content.accuracy.method,) if named else TRIED:
+    for method in (scenario.content.accuracy.method,) if named else TRIED[:: -1 if _is_stiff(scenario, target) else 1]:
         runs += _search(scenario, method, target, others)
         if any(_error(run) <= target for run in runs):
             break
@@ -47,6 +52,23 @@ def reach_target(scenario: Scenario) -> Result:
     best = replace(best, scenario=scenario, outcome=replace(best.outcome, notes=notes))
     verdict = "best" if best.missed else "cheapest"
     return replace(best, setting=f"{best.setting}, the {verdict} of {len(runs)} settings tried")
+
+
+def _is_stiff(scenario: Scenario, target: float) -> bool:
+    """Tell whether the first steps of the first method are limited by stability."""
+    most = min(MANY, scenario.content.accuracy.max_steps)
+    settings = ladder(TRIED[0], 1.0)
+    try:
+        run: Result | None = with_setting(scenario, settings[_guess(settings, target)], most).solve()
+    except NumericsError as error:
+        run = error.partial
+    return run is not None and any(note.startswith(LIMITED) for note in run.outcome.notes)
+
+
+def _guess(settings: list[dict[str, Any]], target: float) -> int:
+    """Return the setting that probably reaches the target; the longest of steps."""
+    guess = 0 if "step" in settings[0] else max(int(np.ceil(-np.log10(target))) - 1, 0)
+    return min(guess, len(settings) - 1)
 
 
 def _search(
@@ -65,9 +87,7 @@ def _search(
     """
     time = scenario.problem.time  # type: ignore[attr-defined]
     settings, most = ladder(method, time.end - time.start), scenario.content.accuracy.max_steps
-    halving = "step" in settings[0]
-    guess = 0 if halving else max(int(np.ceil(-np.log10(target))) - 1, 0)
-    rung, way = min(guess, len(settings) - 1), 0
+    halving, rung, way = "step" in settings[0], _guess(settings, target), 0
     runs: list[Result | NumericsError] = []
     while 0 <= rung < len(settings):
         solved = [run for run in runs if not isinstance(run, NumericsError)]

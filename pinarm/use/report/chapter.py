@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from importlib import import_module
 from math import isfinite
 from pathlib import Path
@@ -19,7 +19,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import PinarmError
 from pinarm.input.units import unit
 from pinarm.language import Language, decimals, in_language, said, spoken, told
-from pinarm.mechanics.joints import links_behind, moved_links
+from pinarm.mechanics.joints import links_behind, links_of, moved_links
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.problems import KINDS
 from pinarm.records import ValueRecord, replace
@@ -122,7 +122,7 @@ def chapter_on(
     replay, unshown = _replay(result) if moving else ("", [])
     verdicts, missed = _verdicts(result)
     asked, worst = KINDS[result.kind].question if result.kind in KINDS else "", worst_instants(result)
-    torsors = _joint_torsors(result)
+    own, torsors = _names(result), _joint_torsors(result)
     links = figure(link_graph(mechanism)) if 1 < mechanism.model.njoints <= MOST_BODIES else ""
     tables, along = mechanism_tables(mechanism, result.presentation), result.trajectory.parameter
     left_out = ReportTable([said("Joint"), said("how"), said("why")],
@@ -136,14 +136,14 @@ def chapter_on(
         part("Mechanism", figure(sketch(result, titled=False), "sketch"), tag("p", text(mobility_words(result)))),
         part("Equations in letters", *_equations(result, folder)) if equations else "",
         part("Motion and curves", replay, *map(figure, _curves(result))),
-        *(_part(section, result.presentation) for section in sections),
+        *(_part(section, result.presentation, own) for section in sections),
         part("Free-body diagrams", *(figure(free_body_diagrams(result, at, titled=False)) for at in worst.values())),
         part("Comparison with independent and published values", verdicts),
         part("Accuracy", sentences(error_lines(result)), sentences(accuracy_lines(result.figures, along))),
         part("What was left out, and notes", left_out, sentences([*counted(result.notes()), *unshown])),
         appendix(
             part("Mechanism in numbers", links, *tables),
-            *(part(x.title, *(_section_table(y, x.key, FEW_ROWS) for y in x.tables[1:])) for x in sections),
+            *(part(x.title, *(_section_table(y, x.key, own, FEW_ROWS) for y in x.tables[1:])) for x in sections),
             "" if student else part("Actions in the joints", torsors),
             part("Measures of accuracy", _accuracy(result)),
             part("Provenance", _provenance(result, folder, date)),
@@ -250,8 +250,8 @@ def _curves(result: Result) -> Iterator[Picture]:
         yield plot(result, tuple(names[first : first + CURVES]), titled=False)
 
 
-def _part(section: Section, how: Presentation) -> str:
-    tables = [_section_table(table, section.key) for table in section.tables]
+def _part(section: Section, how: Presentation, own: Container[str]) -> str:
+    tables = [_section_table(table, section.key, own) for table in section.tables]
     printed = {cell for table in tables for row in table.rows for cell in row}
     numbers = {name: how.shown(series) for name, series in section.numbers.items()}
     rows = [[name, unit_text(series.unit), rounded(float(series.values[0]))] for name, series in numbers.items()]
@@ -262,9 +262,10 @@ def _part(section: Section, how: Presentation) -> str:
     )
 
 
-def _section_table(table: SectionTable, key: str, most: int = MOST_ROWS) -> ReportTable:
-    cells = table.cleared().rows[:most]
-    rows = [[told(cell) if isinstance(cell, str) else rounded(cell) for cell in row] for row in cells]
+def _section_table(table: SectionTable, key: str, own: Container[str], most: int = MOST_ROWS) -> ReportTable:
+    """Return a table of a section; ``own`` are names of the user, which are no words."""
+    cleared = table.cleared().rows[:most]
+    rows = [[_word(cell, own) for cell in row] for row in cleared]
     if table.row_unit is not None:
         for row in rows:
             row[table.row_unit] = unit_text(row[table.row_unit])
@@ -274,6 +275,21 @@ def _section_table(table: SectionTable, key: str, most: int = MOST_ROWS) -> Repo
     headings = zip(table.columns, table.units, strict=True)
     named = [told(name) if unit is None else with_unit(told(name), unit) for name, unit in headings]
     return ReportTable(named, rows, texts, table.title, remark)
+
+
+def _word(cell: str | float, own: Container[str]) -> str:
+    if not isinstance(cell, str):
+        return rounded(cell)
+    return cell if cell in own else told(cell)
+
+
+def _names(result: Result) -> set[str]:
+    """Return the names that a user gave to parts of a mechanism and to quantities."""
+    mechanism, content = result.trajectory.mechanism, result.content
+    named = (mechanism.joints, mechanism.balls, mechanism.coordinates, mechanism.drives, mechanism.forces,
+             mechanism.symbols, mechanism.arguments, content.symbols, content.outputs)  # fmt: skip
+    parts = [*links_of(mechanism.model), *(constraint.name for constraint in mechanism.constraints)]
+    return {name for names in (*named, parts) for name in names}
 
 
 def _verdicts(result: Result) -> tuple[ReportTable, list[str]]:

@@ -285,7 +285,10 @@ FACTORS = {
 }
 """Mistake -> the answer over what is right."""
 
-WEIGHTS = "the weights are forgotten"
+SIGN_IN, FACTOR_IN = "a wrong sign in these terms: {terms}", "a wrong factor in these terms: {terms}"
+
+ROWS = 3
+"""Rows from which on an answer that is wrong by a multiple of some terms is so by no chance."""
 
 MASS, INERTIA = unit("kg").dimension, unit("kg*m^2").dimension
 
@@ -312,38 +315,45 @@ def likely_mistake(answer: Array, right: Array, result: Result, quantity: str, r
     for words, factor in FACTORS.items():
         if meets(factor * right):
             return said(words)
-    for words, values in _others(result, quantity, right, rows):
-        differs = np.abs(values - right).max() > tolerance * np.abs(right).max()
-        if differs and (meets(values) or meets(-values)):
-            return words if meets(values) else said("{mistake}, and the sign is the other one", mistake=words)
+    parts: list[tuple[str, Array]] = []
+    for words, values, terms in _others(result, quantity, right, rows):
+        if np.abs(values - right).max() > tolerance * np.abs(right).max():
+            if meets(values) or meets(-values):
+                return words if meets(values) else said("{mistake}, and the sign is the other one", mistake=words)
+            parts += [(terms, right - values)] if terms else []
+    for terms, part in parts if len(right) >= ROWS else ():
+        share = float((answer - right) @ part / (part @ part))
+        if meets(right + share * part):
+            return said(SIGN_IN if abs(share + 2.0) < tolerance else FACTOR_IN, terms=terms)
     return ""
 
 
-def _others(result: Result, quantity: str, right: Array, rows: Rows) -> Iterator[tuple[str, Array]]:
-    """Yield values that mistakes lead to, of runs without terms, and at other joints and points."""
+def _others(result: Result, quantity: str, right: Array, rows: Rows) -> Iterator[tuple[str, Array, str]]:
+    """Yield values that mistakes lead to, of runs without terms, with these, and at other joints and points."""
     scenario = result.scenario
-    for words, changed in _without(scenario):
+    for terms, words, changed in _without(scenario):
         with suppress(PinarmError):
             values = rows(changed().solve())
             if values.shape == right.shape:
-                yield words, values
-                if words == said(WEIGHTS):
-                    yield said("what accelerations ask for is forgotten: these are the weights alone"), right - values
+                yield words, values, terms
+                if terms == said("the weights"):
+                    alone = said("what accelerations ask for is forgotten: these are the weights alone")
+                    yield alone, right - values, said("accelerations")
     for other, words in _elsewhere(result, quantity):
         with suppress(PinarmError):
-            yield words, result.quantities[other].values
+            yield words, result.quantities[other].values, ""
 
 
-def _without(scenario: ScenarioRecord) -> Iterator[tuple[str, Callable[[], ScenarioRecord]]]:
-    """Yield the mistake to forget terms, and the scenario in which the model does not have them."""
+def _without(scenario: ScenarioRecord) -> Iterator[tuple[str, str, Callable[[], ScenarioRecord]]]:
+    """Yield terms, the mistake to forget them, and the scenario in which the model does not have them."""
     mechanism = scenario.mechanism
     if mechanism.gravity:
-        yield said(WEIGHTS), lambda: scenario.varied({"gravity": "none"})
-    yield said("moments of inertia are forgotten"), lambda: _of_points(scenario)
+        yield said("the weights"), said("the weights are forgotten"), lambda: scenario.varied({"gravity": "none"})
+    yield said("moments of inertia"), said("moments of inertia are forgotten"), lambda: _of_points(scenario)
     for name, measured in mechanism.argument_units.items():
         if measured.dimension in (MASS, INERTIA) and mechanism.arguments.get(name):
             trace = {f"arguments.{name}": f"{1e-9 * mechanism.arguments[name]!r} {measured.si}"}
-            yield said("{name} is forgotten", name=name), partial(scenario.varied, trace)
+            yield name, said("{name} is forgotten", name=name), partial(scenario.varied, trace)
 
 
 def _of_points(scenario: ScenarioRecord) -> ScenarioRecord:

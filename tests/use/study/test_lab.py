@@ -70,6 +70,23 @@ def test_terms_that_are_left_out_are_told_apart(knee):
     assert "weights alone" in knee.check(2, "-m4*L*cos(theta10)*g")
 
 
+@pytest.mark.parametrize(
+    ("weight", "inertia", "words"),
+    [
+        ("m_A + m_BA/2", "m_A + m_BA/3", "Right"),
+        ("m_A + m_BA/2", "m_A + m_BA/12", "a wrong factor in these terms: accelerations"),
+        ("m_A + m_BA/2", "-m_A - m_BA/3", "a wrong sign in these terms: accelerations"),
+        ("m_A + m_BA", "m_A + m_BA/3", "a wrong factor in these terms: the weights"),
+        ("m_A + m_BA", "m_A + m_BA/12", r"Not right\.$"),
+    ],
+)
+def test_a_wrong_factor_or_sign_of_some_terms_is_told(weight, inertia, words):
+    """``C_B = g l2 cos phi (m_A + m_BA/2) + l2^2 (m_A + m_BA/3) alpha``."""
+    sheet = pinarm.Sheet(SCENARIOS / "gen411_arm_dynamic.yaml")
+    answer = f"g*l2*cos(phi)*({weight}) + l2**2*({inertia})*coordinate.phi.acceleration"
+    assert re.search(words, sheet.check(1, answer))
+
+
 def test_a_moment_about_another_point_is_told(knee):
     """About the ankle the load has no moment, about the hip it has m4*(g + hdd)*l4."""
     assert "at the joint hip" in knee.check(2, "m4*(g + hdd)*l4")
