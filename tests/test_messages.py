@@ -157,8 +157,7 @@ SCENARIOS = [
     (SCENARIO, "joint: track, effort", "joint: turn, effort",
      ["s.yaml:12:39: 'turn' is a coordinate, no joint", "try: kind: coordinate_effort, coordinate: turn"]),
     (SCENARIO, "[x, joint.pivot.effort]", "[joint.pivot.force.about.cart.z]",
-     ["s.yaml:13:11: 'joint.pivot.force.about.cart.z': only moments and angular momenta are taken about a point",
-      "joint.pivot.moment.about.cart.z", "try: joint.pivot.force.z"]),
+     ["s.yaml:13:11: there is no quantity 'joint.pivot.force.about.cart.z'"]),
     # as many drives as degrees of freedom, two here; height does not change where the rod hangs
     *[(SCENARIO, "  start: {pivot", f"  drives: [{drives}]\n  start: {{pivot", ["s.yaml:10:3: ", *said])
       for drives, said in (("", ["this is []", "a list of length >= 1"]), ("track", ["uncarried", "2 drives, as many"]),

@@ -21,9 +21,8 @@ from pinarm.engine.quantities.state_arrays import LeadingAxes, check_quaternions
 from pinarm.engine.statics.actuation import Actuation, everywhere
 from pinarm.errors import InputError, Key, Place, UnitError, choices, nowhere, several, within
 from pinarm.input.csv_tables import split_heading
-from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
-from pinarm.input.yaml.schema import Deferred, InputStruct, current_folder
+from pinarm.input.yaml.schema import Deferred, InputStruct, named_file
 from pinarm.mechanics.joints import effort_unit
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.drives import Share, drives_of
@@ -79,10 +78,8 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
                 expected="file: a CSV table, or columns: heading -> numbers",
             )
         if self.file:
-            folder = current_folder() or Path()
             with within("file"):
-                path = contained_file((folder / self.file).absolute(), root_of(folder))
-            msgspec.structs.force_setattr(self, "file", str(path))
+                msgspec.structs.force_setattr(self, "file", str(named_file(self.file)))
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         rows, _ = self._read(mechanism)

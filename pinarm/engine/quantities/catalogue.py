@@ -95,7 +95,7 @@ class NamedQuantity(NamedTuple):
         return f"{said} (refused: {self.refused})" if self.refused else said
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class QuantityCatalogue:
     """Quantities that can be asked by name."""
 
@@ -112,16 +112,7 @@ class QuantityCatalogue:
         """Return it as a table: a heading, and a line for each quantity."""
         return "\n".join([self.title, *map(str, self.entries)])
 
-    def _repr_html_(self) -> str:
-        from html import escape
-
-        columns = ([entry.spelled, entry.unit, entry.words] for entry in self)
-        rows = ("".join(f'<td style="text-align:left">{escape(cell)}</td>' for cell in row) for row in columns)
-        body = "".join(f"<tr>{row}</tr>" for row in rows)
-        return f'<b>{escape(self.title)}</b><div style="max-height:30em;overflow:auto"><table>{body}</table></div>'
-
-    def __repr__(self) -> str:
-        return f"<QuantityCatalogue of {len(self)} quantities: {self.title}>"
+    __repr__ = __str__
 
 
 def catalogue(quantities: Quantities, title: str, like: str = "") -> QuantityCatalogue:

@@ -267,7 +267,7 @@ class Family(AbstractRecord, frozen=True):
         """Return the component of vectors that the last word names, in the axes that ``along`` names, shape (n,)."""
         axis, extra = asked.words[-1], asked.words[2:-1]
         if "about" in extra[::2] and asked.part not in MOMENTS:
-            raise _about_a_point(asked)
+            raise asked.unknown
         if axis in ALONG_AXIS and extra[::2] in ((), ("about",)):
             axes = self.axes(asked)
             axial = np.asarray((vectors * axes).sum(axis=-1))
@@ -284,19 +284,6 @@ class Family(AbstractRecord, frozen=True):
     def axes(self, asked: Asked) -> Array:
         """Return the axis by which ``axial`` and ``radial`` are meant, world axes, shape (n, 3); of joints only."""
         raise asked.unknown
-
-
-def _about_a_point(asked: Asked) -> InputError:
-    """Return the refusal of what is no moment, about a point."""
-    words, word = asked.words, asked.name.partition(".")[0]
-    rest = words[words.index("about", 2) + 2 :]
-    plain = ".".join((word, *words[:2], *rest))
-    moment = f"; the moment about it: {word}.{words[0]}.moment.{'.'.join(words[2:])}" if asked.part == "force" else ""
-    return InputError(
-        f"'{asked.name}': only moments and angular momenta are taken about a point, no {asked.part.replace('_', ' ')}",
-        expected=f"the name without 'about' and its link{moment}",
-        hint=plain,
-    )
 
 
 WRENCH = ("force", "moment")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 import pinocchio as pin
@@ -25,7 +25,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import GuidedCoordinate, PairCoordinate
-from pinarm.mechanics.couplings.coupling import JointRelation, OpenReaction, left_open
+from pinarm.mechanics.couplings.coupling import OpenReaction, left_open
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, transmitted
 from pinarm.mechanics.geometry.link_tree import states_first
@@ -37,6 +37,8 @@ from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
     from pinarm.mechanics.friction.contact import FrictionContact
+
+ConstraintT = TypeVar("ConstraintT", LoopJoint, CableLoop)
 
 SAMPLE = 64
 """Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
@@ -70,17 +72,11 @@ class Reactions:
 
     def __init__(self, run: Trajectory, sample: int = SAMPLE) -> None:
         self.run, self.model, self.closure, self.sample = run, run.mechanism.model, run.closure, sample
-        self.loops = {
-            constraint.name: constraint for constraint in self.closure.constraints if isinstance(constraint, LoopJoint)
-        }
-        self.couplings = {
-            constraint.name: constraint
-            for constraint in self.closure.constraints
-            if isinstance(constraint, JointRelation)
-        }
-        self.cables = {
-            constraint.name: constraint for constraint in self.closure.constraints if isinstance(constraint, CableLoop)
-        }
+        self.couplings = {relation.name: relation for relation in run.mechanism.relations}
+        self.loops, self.cables = self._named(LoopJoint), self._named(CableLoop)
+
+    def _named(self, kind: type[ConstraintT]) -> dict[str, ConstraintT]:
+        return {constraint.name: constraint for constraint in self.closure.constraints if isinstance(constraint, kind)}
 
     @cached_property
     def links(self) -> LinkPlacements:

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from pinarm.errors import InputError, PinarmError, UnitError, within
+from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DECIMAL, DIMENSIONLESS, HERTZ, Unit, read_quantity, unit
 
 StructT = TypeVar("StructT", bound=msgspec.Struct)
@@ -41,6 +42,13 @@ def reading_from(folder: Path) -> Iterator[None]:
 def current_folder() -> Path | None:
     """Return the folder of the file being read; ``None`` for objects built in Python."""
     return _folder.get()
+
+
+def named_file(name: str) -> Path:
+    """Return the regular file that a key of the file being read names; see ``roots.contained_file``."""
+    folder = current_folder()
+    path = ((folder or Path()) / name).absolute()
+    return contained_file(path, root_of(folder or path.parent))
 
 
 @contextmanager

@@ -13,9 +13,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError, within
-from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, current_folder
+from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, named_file
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, polynomial
 from pinarm.records import Record
 
@@ -154,10 +153,8 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
     interpolation: Literal["spline", "linear"] = "spline"
 
     def check(self) -> None:
-        folder = current_folder() or Path(self.file).absolute().parent
         with within("file"):
-            path = contained_file((folder / self.file).absolute(), root_of(folder))
-            msgspec.structs.force_setattr(self, "file", str(path))
+            msgspec.structs.force_setattr(self, "file", str(named_file(self.file)))
             self._table  # noqa: B018  which reads it
 
     @property

@@ -98,8 +98,6 @@ def rounding(run: Lookup, name: str, series: Series) -> float:
 UNALIGNED = ("point_on_line", "point_on_plane")
 """Kinds of loop joints whose axis is held in the first link alone."""
 
-TURNED = "coordinate: the name of the coordinate that turns in it"
-
 
 class LoadedJoint(Record, frozen=True):
     """A joint whose loads are asked.
@@ -153,16 +151,13 @@ class LoadedJoint(Record, frozen=True):
         return replace(joint, turning=coordinate, open=False)
 
     def check(self, *, bearing: bool, bushing: bool) -> None:
-        """Check that it has what is asked of it."""
+        """Check that it has what is asked of it: an axis, and a coordinate that turns about it."""
         for key in [key for key, asked in (("bearing", bearing), ("bushing", bushing)) if asked]:
             with within(key):
-                if not self.axis:
-                    raise InputError(f"the joint '{self.name}' has no axis", expected="a joint that turns about one")
-                if self.open and not self.turning:
-                    raise InputError(f"'{self.prefix}' does not say how it turns", expected=TURNED)
-                if key == "bearing" and not self.turning:
+                if not self.axis or (not self.turning and (self.open or key == "bearing")):
                     raise InputError(
-                        f"nothing turns in the joint '{self.name}'", expected=f"another joint, or {TURNED}"
+                        f"no coordinate turns about an axis of the joint '{self.name}'",
+                        expected="a joint that turns, or coordinate: the name of the coordinate that turns in it",
                     )
 
     def rates(self, rows: Quantities) -> tuple[Array, Array]:

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -29,9 +28,8 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.csv_tables import measured_columns
-from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import InputStruct, Position, Time, current_folder
+from pinarm.input.yaml.schema import InputStruct, Position, Time, named_file
 from pinarm.records import Record
 from pinarm.use.result.curve_figures import CurveFigure
 from pinarm.use.result.row_lookup import Lookup
@@ -70,8 +68,7 @@ def read_points(wanted: Mapping[str, Sequence[float]] | str) -> tuple[list[str],
 
 
 def _columns(name: str) -> dict[str, list[float]]:
-    folder = current_folder() or Path(name).absolute().parent
-    path = contained_file((folder / name).absolute(), root_of(folder))
+    path = named_file(name)
     points = measured_columns(path, dict.fromkeys(AXES, "mm"))
     if max(map(len, points.values())) > MOST:
         raise InputError(f"the file {path.name} has too many points", expected=f"1 to {MOST}")

@@ -34,9 +34,8 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Location, choices, within
 from pinarm.input.csv_tables import measured_columns, table
-from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, decimal, is_whole, unit
-from pinarm.input.yaml.schema import Efficiency, InputStruct, Pause, current_folder, number
+from pinarm.input.yaml.schema import Efficiency, InputStruct, Pause, named_file, number
 from pinarm.records import Record, replace
 from pinarm.use.assessments.duty import Duty, Height, Known, duty_of
 from pinarm.use.result.curve_figures import CurveFigure, made_a_motion
@@ -174,7 +173,9 @@ class Sizing(InputStruct, frozen=True):
         with within("ambient"):
             _ = self.ambient_temperature
         with within("catalogue"):
-            read_catalogue(self._file)
+            path = named_file(self.catalogue)
+            msgspec.structs.force_setattr(self, "catalogue", str(path))
+            read_catalogue(path)
         with within("ratios"):
             _ = self.ratios_tried
 
@@ -197,13 +198,6 @@ class Sizing(InputStruct, frozen=True):
         ):
             raise InputError(f"'{self.ratios}' is no range of ratios", expected="such as 20:200, or 20:200:10")
         return [float(f"{ratio:.6g}") for ratio in np.geomspace(low, high, int(counted))]
-
-    @property
-    def _file(self) -> Path:
-        folder = current_folder() or Path(self.catalogue).absolute().parent
-        path = contained_file((folder / self.catalogue).absolute(), root_of(folder))
-        msgspec.structs.force_setattr(self, "catalogue", str(path))
-        return path
 
     @property
     def ambient_temperature(self) -> float:

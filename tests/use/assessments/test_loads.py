@@ -11,7 +11,7 @@ ROTOR = "scenarios/rotor_vertical.yaml"
 @pytest.mark.parametrize(("loads", "said"), [
     ({}, "nothing is asked"),
     ({"joints": {"C": {}}}, "there is no joint 'C'"),
-    ({"joints": {"B": {"bearing": {"C": "20 kN"}}}}, "does not say how it turns"),
+    ({"joints": {"B": {"bearing": {"C": "20 kN"}}}}, "no coordinate turns"),
     ({"joints": {"B": {"coordinate": "chi", "bearing": {"C": "20 kN"}}}}, "no coordinate 'chi' that turns"),
     ({"joints": {"phi": {"bearing": {"C": "20 mm"}}}}, "20 mm"),
 ])  # fmt: skip
@@ -22,7 +22,7 @@ def test_mistakes_are_told_before_anything_is_solved(loads, said) -> None:
 
 def test_a_joint_that_slides_has_no_rolling_bearing() -> None:
     loads = {"joints": {"x": {"bearing": {"C": "20 kN"}}}}
-    with pytest.raises(InputError, match="nothing turns in the joint 'x'"):
+    with pytest.raises(InputError, match="no coordinate turns about an axis of the joint 'x'"):
         pinarm.validate("scenarios/slider_crank_gas.yaml", {"loads": loads})
 
 

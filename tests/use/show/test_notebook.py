@@ -57,7 +57,7 @@ def test_a_mechanism_and_its_quantities_are_tables(folder: Path) -> None:
     assert captions[:2] == ["Bodies", "Joints"]
     assert "<td" in arm._repr_html_()
     known = pinarm.quantities(arm)
-    assert known._repr_html_().count("<tr>") == len(known)
+    assert len(repr(known).splitlines()) == len(known) + 1
 
 
 OFFERED = re.compile(r"\bresult\.([a-z_]+)")
