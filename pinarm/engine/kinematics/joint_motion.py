@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -183,14 +183,8 @@ TOLERANCE = 1e-12
 """Error of a step, relative to 1 and to the coordinates: nearly the least that the method can keep."""
 
 
-class RolledWay(Record, frozen=True):
-    """The configurations of a motion on one interval.
-
-    Attributes:
-        start: First instant [s].
-        end: Last instant [s].
-        at: Instants, shape (n,) -> configurations, not yet closed, shape (nq, n).
-    """
+class RolledWay(NamedTuple):
+    """An interval [s] of a motion, its configurations at instants, (n,) to (nq, n), not yet closed, and its steps."""
 
     start: float
     end: float
