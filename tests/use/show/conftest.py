@@ -19,7 +19,7 @@ from pinarm.use.facade import Result
 from pinarm.use.show.replay.chromium import Page, browser, chromium
 
 ROOT = Path(__file__).parents[3]
-TYPES = {"f8": np.float64, "f4": np.float32, "u4": np.uint32, "u2": np.uint16}
+TYPES = {"f8": np.float64, "f4": np.float32, "u4": np.uint32}
 
 
 @pytest.fixture(scope="session")

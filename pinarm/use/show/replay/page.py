@@ -30,7 +30,7 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import frame_of
 from pinarm.records import Record, ValueRecord
 from pinarm.use.output import write_file
-from pinarm.use.show.bodies import BodyPoint, Mesh, Node, placed, point_of, visuals
+from pinarm.use.show.bodies import BodyPoint, Node, placed, point_of, visuals
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
 from pinarm.use.show.replay.modes import CYCLE, mode_pictures, require_bare
 from pinarm.use.show.scene import Scene, names_of, scene
@@ -52,16 +52,13 @@ VIEW = ("up", "eye", "low", "high", "outline")
 MOST_ROWS = 2400
 """Rows in the page: forty seconds at sixty pictures a second; of more, evenly spaced ones are taken."""
 
-STEPS = 65535
-"""Of a coordinate of a mesh between its ends, in two bytes: 15 micrometres on one metre."""
-
 LEVEL = 6
 """Of compression: 9 takes twice the time for one part in a hundred."""
 
 NAMED = 2
 """Notes that are shown in the page."""
 
-_CODES = {np.dtype(np.float64): "f8", np.dtype(np.float32): "f4", np.dtype(np.uint32): "u4", np.dtype(np.uint16): "u2"}
+_CODES = {np.dtype(np.float64): "f8", np.dtype(np.float32): "f4", np.dtype(np.uint32): "u4"}
 
 Plain = dict[str, Any]
 
@@ -235,7 +232,9 @@ def _bodies(shown: Scene, packing: Packing) -> Plain:
     return {
         "nodes": nodes,
         "shapes": shapes,
-        "meshes": [_mesh(mesh, packing) for mesh in meshes],
+        "meshes": [
+            [packing.add(x) for x in (mesh.vertices.astype("f4"), mesh.triangles.astype("u4"))] for mesh in meshes
+        ],
         "view": {
             **{name: getattr(seen, name).tolist() for name in VIEW},
             "detail": min(seen.size, MARKS * shown.figure.size),
@@ -245,14 +244,6 @@ def _bodies(shown: Scene, packing: Packing) -> Plain:
 
 def _place(placement: pin.SE3) -> list[float]:
     return [float(x) for x in pin.SE3ToXYZQUAT(placement)]
-
-
-def _mesh(mesh: Mesh, packing: Packing) -> Plain:
-    step = np.maximum(mesh.high - mesh.low, 1e-12) / STEPS
-    steps = np.round((mesh.vertices - mesh.low) / step).astype(np.uint16)
-    triangles = mesh.triangles.astype(np.uint16 if len(mesh.vertices) <= STEPS else np.uint32)
-    place = {"low": mesh.low.tolist(), "step": step.tolist()}
-    return {**place, "vertices": packing.add(steps), "triangles": packing.add(triangles)}
 
 
 def _arrow(arrow: Arrow, largest: float, packing: Packing) -> Plain:

@@ -5,7 +5,7 @@ async function unpacked(id) {
   return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
 }
 
-const ARRAYS = { f8: Float64Array, f4: Float32Array, u4: Uint32Array, u2: Uint16Array };
+const ARRAYS = { f8: Float64Array, f4: Float32Array, u4: Uint32Array };
 
 /** Return the function that gives the array of a reference [type, first byte, number of values]. */
 function reader(buffer) {

@@ -3,7 +3,7 @@
 const SMOOTH = Math.cos((35 * Math.PI) / 180); // faces that meet at less than 35 degrees are one smooth surface
 
 function solids(THREE, scene, array) {
-  const meshes = scene.meshes.map((mesh) => creased(THREE, unquantised(mesh, array), array(mesh.triangles)));
+  const meshes = scene.meshes.map(([vertices, triangles]) => creased(THREE, array(vertices), array(triangles)));
   return scene.shapes.map((shape) => {
     const geometry = shape.kind === "mesh" ? meshes[shape.mesh] : primitive(THREE, shape);
     const solid = new THREE.Mesh(geometry, paint(THREE, shape.colour));
@@ -46,11 +46,6 @@ function capsule(THREE, radius, length) {
 function edges(THREE, geometry) {
   const material = new THREE.LineBasicMaterial({ color: 0x1b2430, transparent: true, opacity: 0.28 });
   return new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), material);
-}
-
-function unquantised({ low, step, vertices }, array) {
-  const steps = array(vertices);
-  return Float32Array.from(steps, (value, k) => low[k % 3] + step[k % 3] * value);
 }
 
 /** Return triangles with a normal at every corner: the mean of the faces around it that are nearly in one plane. */
