@@ -34,21 +34,10 @@ if TYPE_CHECKING:
     from control import StateSpace
 
     from pinarm.mechanics.control.function import ControlFunction
-    from pinarm.use.assessments.limits import Limits
-    from pinarm.use.assessments.loads import Loads
-    from pinarm.use.assessments.path_error import PathError
-    from pinarm.use.assessments.response import Response
-    from pinarm.use.assessments.sensitivity import Sensitivity
-    from pinarm.use.assessments.shaking import Shaking
-    from pinarm.use.assessments.sizing import Sizing
     from pinarm.use.method.isolation import Isolation
     from pinarm.use.method.torsors import Torsor
-    from pinarm.use.scenario.scenario_file import Assessment
     from pinarm.use.show.picture import Picture
     from pinarm.use.show.replay.page import Replay
-
-    # mypy compares the classes with the protocol, which are imported by name
-    _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Limits, Response, Sensitivity)
 
 
 class Result(results.Result, frozen=True):

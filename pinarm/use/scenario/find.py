@@ -1,6 +1,6 @@
 """Numbers of a scenario that are to be found: what is unknown, and what is wanted of the run.
 
-Either quantities are to take values, see ``roots``, or one number of the run is to be least or largest: ``optimum``.
+Either quantities are to take values, see ``searches``, or one number of the run is to be least or largest: ``optimum``.
 """
 
 from __future__ import annotations

@@ -1,9 +1,16 @@
-"""Searches: solves a scenario for the values that its key ``find`` asks, and reports the optimum as a section."""
+"""Searches: solves a scenario for the values that its key ``find`` asks, by root finding or optimisation.
+
+With x the unknown numbers and r(x) the wanted quantities less their targets over all rows of the run, x minimises
+``|r(x)|^2`` by Levenberg-Marquardt steps (MINPACK; More, Garbow and Hillstrom, ANL-80-74, 1980) with slopes by central
+differences whose widths follow the numbers. Quantities are taken as they are reported: an angle that jumps from 180 to
+-180 degrees is found on that side of the jump from which the search comes. Of an optimum see ``optimum``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
@@ -13,7 +20,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
 from pinarm.engine.series import Series
-from pinarm.errors import NumericsError, PinarmError, choices
+from pinarm.errors import InputError, IntegrationError, NumericsError, PinarmError, choices
 from pinarm.input.units import DIMENSIONLESS
 from pinarm.input.yaml.document import joined
 from pinarm.records import replace
@@ -26,8 +33,7 @@ from pinarm.use.result.numbers import measured, read_number
 from pinarm.use.result.result import Result
 from pinarm.use.result.section import Cell, Section, SectionTable
 from pinarm.use.scenario.find import Find
-from pinarm.use.scenario.optimum import Optimum
-from pinarm.use.scenario.roots import Run, Runs, find_root
+from pinarm.use.scenario.optimum import Optimum, Run, Runs
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
@@ -39,6 +45,22 @@ in a regular position."""
 
 AGREED = 1e-3, 1e-7
 """Difference of objectives below which starts have led to the same value, relative to it, and to that of the starts."""
+
+ITERATIONS, SETTLED = 200, 1e-13
+"""Largest number of runs of a search, slopes apart; change of the values, relative to them, at which it ends."""
+
+BARRIER, BARRED = 1e3, 1e-3
+"""Relative to the residuals at the start: those of refused runs, from which the search turns back; those above which a
+refused run is reported as what stopped the search."""
+
+MET = 1e-9
+"""Largest remainder of a wanted quantity that is met, relative to its remainder at the start."""
+
+INDEPENDENT = 1e-9
+"""Smallest singular value of the scaled Jacobian, relative to the largest, with which the values are determined."""
+
+WIDTH = 1e-3
+"""Half width of differences, relative to the size of the number, which is at least this part of its start."""
 
 
 def solve_found(scenario: Scenario, search: Find) -> Result:
@@ -228,3 +250,114 @@ def _near(scenario: Scenario, path: str) -> str:
     known = [joined(steps) for steps in places if steps and steps[0] not in ("find", "expect")]
     near = choices(path, [*known, *(f"arguments.{name}" for name in arguments)])[1]
     return near if near != path else ""
+
+
+@dataclass(frozen=True)
+class FoundValues:
+    """Result of a search.
+
+    Attributes:
+        values: Values in SI, shape (k,).
+        residuals: Quantity -> largest remainder over the rows, in SI.
+        before: The same at the start.
+    """
+
+    values: Array
+    residuals: Mapping[str, float]
+    before: Mapping[str, float]
+
+    @property
+    def missed(self) -> list[str]:
+        """Quantities that are not met."""
+        return [name for name, left in self.residuals.items() if left > MET * self.before[name]]
+
+
+def find_root(search: Find, runs: Runs) -> FoundValues:
+    """Return the values that a search finds from its start.
+
+    Args:
+        search: Unknown numbers and wanted quantities.
+        runs: Remainders of the wanted quantities, each with the name of its quantity.
+    """
+    from scipy.optimize import least_squares
+
+    start, tried = search.start, len(runs.known)
+    (begin,) = runs.at([start])
+    if begin.error:
+        raise begin.error()
+    first = begin.numbers
+    barrier = BARRIER * np.maximum(np.abs(first), np.linalg.norm(first) or 1.0)
+
+    def residuals(x: Array) -> Array:
+        (run,) = runs.at([x])
+        return barrier if run.error else _same_rows(run, begin)
+
+    def slopes(x: Array) -> Array:
+        return runs.slopes(lambda run: _same_rows(run, begin), x, WIDTH * _sizes(search, x))
+
+    if len(first) < len(start) or not slopes(start).any():
+        raise _stopped(search, runs, tried) or _undetermined([*search.unknown])
+    options = {"ftol": 1e-15, "xtol": SETTLED, "gtol": 1e-15, "max_nfev": ITERATIONS}
+    ended = least_squares(residuals, start, slopes, method="lm", x_scale=_sizes(search, start), **options)
+    if not ended.status:
+        raise IntegrationError(
+            f"the values of {', '.join(search.unknown)} do not settle in {ITERATIONS} steps",
+            hint="other starts, or quantities that depend on them more smoothly",
+        )
+    if tied := _tied(search, ended.jac):
+        raise _undetermined(tied)
+    if np.sqrt(2.0 * ended.cost) > BARRED * np.linalg.norm(first) and (error := _stopped(search, runs, tried)):
+        raise error
+    (end,) = runs.at([ended.x])
+    after, before = (
+        {name: float(np.abs(run.numbers[np.array(begin.names) == name]).max()) for name in begin.names}
+        for run in (end, begin)
+    )
+    return FoundValues(ended.x, after, before)
+
+
+def _same_rows(run: Run, begin: Run) -> Array:
+    """Return the numbers of a run that has as many as that at the start, or raise."""
+    if len(run.numbers) != len(begin.numbers):
+        raise InputError(
+            "so_that compares runs row by row, and they have not as many rows: one ends earlier, or has other impacts",
+            expected="runs with the same rows",
+            hint="a number of the run, such as 'C_B @ end' or 'C_B @ max'",
+        )
+    return run.numbers
+
+
+def _sizes(search: Find, x: Array) -> Array:
+    """Return the sizes of the numbers at a point, shape (k,): of 0 that of its unit."""
+    units = np.array([unknown.factor for unknown in search.unknown.values()])
+    sizes = np.maximum(np.abs(x), WIDTH * np.abs(search.start))
+    return np.where(sizes > 0.0, sizes, units)
+
+
+def _stopped(search: Find, runs: Runs, tried: int) -> PinarmError | None:
+    """Return the error of the first refused run after those that have been tried before; none where there is none."""
+    for x, run in [*runs.known.values()][tried:]:
+        if run.error:
+            error, values = run.error(), search.figures(x).items()
+            where = ", ".join(f"{path} = {value:.6g}" for path, value in values)
+            error.message = f"the search is stopped by a run that is refused, at {where}: {error.message}"
+            error.hint = error.hint or "another start, or a wish that runs on this side can meet"
+            return error
+    return None
+
+
+def _tied(search: Find, jacobian: Array) -> list[str]:
+    """Return the paths of numbers that slopes, shape (rows, k), do not determine."""
+    columns = np.linalg.norm(jacobian, axis=0)
+    _, s, vt = np.linalg.svd(jacobian / np.where(columns > 0.0, columns, 1.0))
+    if (s > INDEPENDENT * s[0]).all():
+        return []
+    return [path for path, share in zip(search.unknown, vt[-1], strict=True) if abs(share) > 0.1]
+
+
+def _undetermined(paths: Sequence[str]) -> InputError:
+    return InputError(
+        f"what is wanted does not determine {', '.join(paths)}",
+        expected="unknowns that change what is wanted, each in its own way",
+        hint="fewer unknowns, another start, or more quantities in so_that",
+    )

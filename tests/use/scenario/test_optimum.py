@@ -12,8 +12,7 @@ from pinarm.input.units import unit
 from pinarm.use.facade import Scenario
 from pinarm.use.result.numbers import Condition
 from pinarm.use.scenario.find import Find, Unknown
-from pinarm.use.scenario.optimum import Optimum
-from pinarm.use.scenario.roots import Run, Runs
+from pinarm.use.scenario.optimum import Optimum, Run, Runs
 from pinarm.use.scenario.searches import optimum_section, refusal
 
 ABOVE, EQUAL = Condition.read("a @ end", "> 0 mm"), Condition.read("b @ end", "= 0 m")

@@ -10,7 +10,8 @@ from pinarm.errors import InputError
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import AnyQuantity
 from pinarm.use.scenario.find import Find, Unknown
-from pinarm.use.scenario.roots import FoundValues, Run, Runs, find_root
+from pinarm.use.scenario.optimum import Run, Runs
+from pinarm.use.scenario.searches import FoundValues, find_root
 
 
 def found(

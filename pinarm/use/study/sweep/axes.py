@@ -176,8 +176,8 @@ _GRID = re.compile(rf"({DECIMAL}){_BETWEEN(':')}({DECIMAL}){_BETWEEN(':')}([0-9]
 _PAIR = rf"({DECIMAL}){_BETWEEN(',')}({DECIMAL})"
 _DISTRIBUTION = re.compile(rf"(normal|uniform|tolerance){_BETWEEN('[(]')}{_PAIR}{_BETWEEN('[)]')}(.*)")
 """Of stripped text; no repetition gives back what it took, so that they take linear time."""
-_THOUSANDS = re.compile(",0[0-9]")
-"""A number that begins with 0 right behind a comma, as thousands do: 1,000 would be 1 and 0."""
+_ONE_OR_SEVERAL = re.compile(r",0[0-9]|^0,[0-9]+\s*[^,]*$")
+"""A comma between thousands, or in place of the decimal point: ``1,000`` would be 1 and 0, ``0,5`` 0 and 5."""
 SHOWN = 60
 """Characters of a value that a message repeats."""
 _TRUTH: Mapping[str, bool] = {"true": True, "false": False}
@@ -204,13 +204,10 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
                 expected="20:100:81 kg, 20, 40 kg, or normal(40, 2) kg",
                 hint="the unit once, at the end",
             )
-        if re.fullmatch(r"0,[0-9]+\s*[^,]*", given):
-            first, two = given[:SHOWN].replace(",", "."), given[:SHOWN].replace(",", ", ")
-            raise InputError(f"'{given[:SHOWN]}' may be one number or two", expected=f"{first}, with a point; or {two}")
-        if _THOUSANDS.search(given):
+        if _ONE_OR_SEVERAL.search(given):
             raise InputError(
-                f"'{given[:SHOWN]}' has a comma between thousands, or a number that begins with 0",
-                expected="1000 kg for one value, 20, 40 kg for two",
+                f"'{given[:SHOWN]}' may be one number or several: a comma is between digits, as in 0,5 and 1,000",
+                expected="0.5 kg or 1000 kg for one value; 20, 40 kg for two",
             )
         return Axis((_column(path, given.split(","), unit_of, last=True),))
     except InputError as error:
@@ -220,12 +217,7 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
 def _distribution(path: str, match: re.Match[str], unit_of: UnitOf) -> Distribution:
     kind, a, b = match[1], float(match[2]), float(match[3])
     if b <= (a if kind == "uniform" else 0.0):
-        needed = {
-            "normal": "a mean and a standard deviation above 0",
-            "uniform": "a lower and an upper bound",
-            "tolerance": "a value and a deviation above 0",
-        }
-        raise InputError(f"'{match[0].strip()}' has no width", expected=needed[kind])
+        raise InputError(f"'{match[0].strip()}' has no width", expected="a deviation above 0, or two bounds in order")
     return Distribution(path, kind, a, b, _unit(path, match[4], unit_of))
 
 
