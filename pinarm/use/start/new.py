@@ -164,17 +164,20 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
         InputError: The folder cannot be written, or pinarm was installed without these files.
     """
     target, source = Path(folder), example_files()
-
-    def copy(original: str, file: str) -> None:
-        if Path(file).parent.resolve().is_relative_to(target.resolve()):  # not where links of the user's lead out
-            write_new_file(Path(file), Path(original).read_bytes())
-
     with _writing(target, "examples"):
         target.mkdir(parents=True, exist_ok=True)
-        write_new_file(target / ".pinarm-root", b"")
         for name in FOLDERS:
-            shutil.copytree(source / name, target / name, copy_function=copy, ignore=LEFT_BY_RUNS, dirs_exist_ok=True)
+            for path in (target / name, *(target / name).rglob("*")):
+                if path.is_symlink() and path.is_dir():
+                    message = f"{path} leads to {path.resolve()}, by a symbolic link"
+                    raise InputError(message, expected="folders of their own in the folder of the examples")
+            shutil.copytree(source / name, target / name, False, LEFT_BY_RUNS, _copy_new, dirs_exist_ok=True)
+        write_new_file(target / ".pinarm-root", b"")
     return target
+
+
+def _copy_new(source: str, target: str) -> None:
+    write_new_file(Path(target), Path(source).read_bytes())
 
 
 def example_files() -> Path:

@@ -33,7 +33,6 @@ from pinarm.use.result.number_accuracy import output_scales
 from pinarm.use.result.result import Result
 from pinarm.use.result.section import Curve, Graph
 from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
-from pinarm.use.show.picture import graph
 from pinarm.use.show.picture_files import file_name
 from pinarm.use.show.text import aligned
 from pinarm.use.store.files import json_text, write
@@ -143,8 +142,7 @@ class Tradeoff:
         data: dict[str, Any] = {"scenario": self.scenario.name, "title": self.scenario.content.title}
         if self.reference:
             data["reference"] = {"settings": self.reference.words, "bound": self.reference.bound}
-            keys = ("method", "setting", "error", "errors", "evaluations", "seconds")
-            data["settings"] = [{key: getattr(point, key) for key in keys} for point in self.points]
+            data["settings"] = [{**vars(point), "error": point.error} for point in self.points]
             data["recommended"] = {
                 f"{wanted:g}": point and {"method": point.method, "setting": point.setting}
                 for wanted, point in self.recommended().items()
@@ -363,6 +361,7 @@ def work_precision(trade: Tradeoff, reference: Reference) -> Picture:
 
     Errors below that of the reference are drawn as large as that.
     """
+    from pinarm.use.show.picture import graph
 
     def curve(name: str, points: Sequence[TriedSetting], *, points_only: bool = False) -> Curve:
         known = [point for point in points if np.isfinite(point.error)]
@@ -380,6 +379,8 @@ def work_precision(trade: Tradeoff, reference: Reference) -> Picture:
 
 def outputs(trade: Tradeoff) -> dict[str, Picture]:
     """Return a picture of each output over the run, with a curve for every variant."""
+    from pinarm.use.show.picture import graph
+
     results = {variant.name: variant.result for variant in trade.variants if variant.result}
     pictures = {}
     for name in dict.fromkeys(trade.scenario.content.outputs):

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -103,20 +103,19 @@ class Cases:
 
     def values(self, case: int) -> dict[str, Value]:
         """Return the values of one case by path."""
-        values, inner = dict[str, Value](), len(self)
-        for axis in self.axes:
-            inner //= len(axis)
-            values |= {column.path: column.at(case // inner % len(axis)) for column in axis.columns}
-        return values
+        return {column.path: column.at(row) for axis, row in self._rows(case) for column in axis.columns}
 
     def table(self) -> list[Series]:
         """Return the values of every path over the cases, in the units they were given in."""
-        series, inner = list[Series](), len(self)
+        rows = self._rows(np.arange(len(self)))
+        return [Series(x.path, unit(x.unit or "1"), x.as_array[row]) for axis, row in rows for x in axis.columns]
+
+    def _rows(self, cases: Any) -> Iterator[tuple[Axis, Any]]:
+        """Yield each axis with its value's place in a case, or in several."""
+        inner = len(self)
         for axis in self.axes:
             inner //= len(axis)
-            rows = np.arange(len(self)) // inner % len(axis)
-            series += [Series(x.path, unit(x.unit or "1"), x.as_array[rows]) for x in axis.columns]
-        return series
+            yield axis, cases // inner % len(axis)
 
 
 @dataclass(frozen=True)
