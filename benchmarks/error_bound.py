@@ -25,8 +25,7 @@ from random_chains import closed_chain, open_chain, scenario
 
 from pinarm.engine.integration.methods import METHODS
 from pinarm.errors import NumericsError
-from pinarm.use.accuracy.error_estimate import BOUND, estimate_errors, output_differences
-from pinarm.use.accuracy.integration_settings import with_setting
+from pinarm.use.accuracy.error_estimate import BOUND, estimate_errors, output_differences, with_setting
 from pinarm.use.facade import Result, Scenario, load
 from pinarm.use.study.tradeoff import MARGIN
 

@@ -11,8 +11,7 @@ from pinarm.engine.integration.methods.explicit import LIMITED
 from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
-from pinarm.use.accuracy.error_estimate import estimate_errors
-from pinarm.use.accuracy.integration_settings import ladder, step_limit, with_setting
+from pinarm.use.accuracy.error_estimate import estimate_errors, ladder, step_limit, with_setting
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result

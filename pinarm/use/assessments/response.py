@@ -28,8 +28,8 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Time, check_unit
+from pinarm.use.result.curve import looked_at, roots
 from pinarm.use.result.curve_figures import CurveFigure
-from pinarm.use.result.curve_numbers import looked_at, roots
 from pinarm.use.result.number_accuracy import output_scales
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable, numbered

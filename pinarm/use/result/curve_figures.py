@@ -23,8 +23,8 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
-from pinarm.use.result import curve_numbers
-from pinarm.use.result.curve import Endless
+from pinarm.use.result.curve import Endless, percentile
+from pinarm.use.result.curve import integrals as integrals_of
 from pinarm.use.result.row_lookup import Lookup
 
 FIGURES = ("mean", "rms", "integral", "peak")
@@ -88,7 +88,7 @@ def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
         elif share is None:
             value, error = _of_integrals(run, quantity, name)
         else:
-            value, error = curve_numbers.percentile(run.curve_of(quantity), share / 100.0, run.most_pieces)
+            value, error = percentile(run.curve_of(quantity), share / 100.0, run.most_pieces)
             error += ROUNDING * abs(value)
     except Endless as pole:
         raise InputError(f"{quantity} has no {name}: {pole.message}", expected=pole.expected) from None
@@ -129,7 +129,7 @@ def integrals(
         least: Size of functions that are not to be told from 0.
         of: The quantities of which they are functions, where these may be formulas.
     """
-    total, error = curve_numbers.integrals(run.curve(integrand, of), least, run.most_pieces)
+    total, error = integrals_of(run.curve(integrand, of), least, run.most_pieces)
     return total, error + ROUNDING * np.abs(total)
 
 

@@ -16,8 +16,19 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
-from pinarm.use.result.curve import BESIDE, Curve, Endless, Span, Spots
-from pinarm.use.result.curve_numbers import Peak, crossings, highest, looked_at, zeros, zeros_of_angle
+from pinarm.use.result.curve import (
+    BESIDE,
+    Curve,
+    Endless,
+    Peak,
+    Span,
+    Spots,
+    crossings,
+    highest,
+    looked_at,
+    zeros,
+    zeros_of_angle,
+)
 from pinarm.use.result.measures import ZERO, natural_sizes
 
 if TYPE_CHECKING:

@@ -19,9 +19,12 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, IntegrationError, NumericsError
 from pinarm.input.units import DIMENSIONLESS
 from pinarm.input.yaml.document import Values
-from pinarm.use.accuracy.error_estimate import common_rows, different_course, output_differences, reason_for_no_bound
-from pinarm.use.accuracy.integration_settings import (
+from pinarm.use.accuracy.error_estimate import (
+    common_rows,
+    different_course,
     format_setting,
+    output_differences,
+    reason_for_no_bound,
     reference_settings,
     settings_by_method,
     step_limit,

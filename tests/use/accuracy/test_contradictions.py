@@ -13,7 +13,7 @@ from pinarm.cli.main import main
 from pinarm.errors import IntegrationError
 from pinarm.problems import forward
 from pinarm.use.accuracy import error_estimate
-from pinarm.use.accuracy.integration_settings import with_setting
+from pinarm.use.accuracy.error_estimate import with_setting
 from pinarm.use.study.tradeoff import reference_solution, settings, tradeoff
 
 from .test_error_estimate import SLIDE, SPRING, on_slide

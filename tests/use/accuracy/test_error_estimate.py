@@ -7,8 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import NumericsError
-from pinarm.use.accuracy.error_estimate import estimate_errors, output_differences
-from pinarm.use.accuracy.integration_settings import with_setting
+from pinarm.use.accuracy.error_estimate import estimate_errors, output_differences, with_setting
 from pinarm.use.result.number_accuracy import output_scales
 
 ROOT = Path(__file__).parents[3]

@@ -5,8 +5,7 @@ import pytest
 
 import pinarm
 from pinarm.cli.main import main
-from pinarm.use.accuracy.error_estimate import BOUND, output_differences
-from pinarm.use.accuracy.integration_settings import with_setting
+from pinarm.use.accuracy.error_estimate import BOUND, output_differences, with_setting
 
 from .test_error_estimate import ROOT
 

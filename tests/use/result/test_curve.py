@@ -9,10 +9,19 @@ import numpy as np
 import pytest
 
 from pinarm.arrays import Array
-from pinarm.use.result import curve_numbers
-from pinarm.use.result.curve import NODES, TO_COEFFICIENTS, WEIGHTS, Curve, Endless, Span
-from pinarm.use.result.curve_numbers import Peak, percentile, zeros_of_angle
-from pinarm.use.result.curve_numbers import zeros as zeros_of
+from pinarm.use.result import curve as curve_module
+from pinarm.use.result.curve import (
+    NODES,
+    TO_COEFFICIENTS,
+    WEIGHTS,
+    Curve,
+    Endless,
+    Peak,
+    Span,
+    percentile,
+    zeros_of_angle,
+)
+from pinarm.use.result.curve import zeros as zeros_of
 
 ROUNDING = 1e-14
 """Of sums of some hundred terms of size 1."""
@@ -51,7 +60,7 @@ def test_polynomials_are_integrated_exactly_and_resolved_functions_known_to_roun
 def integrals(f, low, high, parts=1, known=(), most=2000):
     """Return the integrals of functions, their bounds, and the numbers of points asked for."""
     curve, asked = curve_of(f, low, high, parts, known)
-    return *curve_numbers.integrals(curve, 1.0, most), asked
+    return *curve_module.integrals(curve, 1.0, most), asked
 
 
 @pytest.mark.parametrize(
@@ -134,7 +143,7 @@ def highest(f, low=0.0, high=3.0):
     """Return the top of a function, looked into in four parts, and at how many places it was evaluated."""
     curve, asked = curve_of(f, low, high, known=np.linspace(low, high, 12))
     asked.clear()
-    return curve_numbers.highest(curve, 1.0, Peak(float(f(np.array([1.5]))[0]), 0, 1.5), 1e-12), sum(asked)
+    return curve_module.highest(curve, 1.0, Peak(float(f(np.array([1.5]))[0]), 0, 1.5), 1e-12), sum(asked)
 
 
 @pytest.mark.parametrize(
