@@ -296,14 +296,11 @@ class Curve(Struct, eq=False, dict=True):
         for number in distinct(pieces.interval).tolist():
             span, own = self.span[number], np.flatnonzero(pieces.interval == number)
             gaps = np.gradient(span.t) if len(span.t) > 1 else np.full(len(span.t), np.inf)
-            begin = np.searchsorted(span.t, pieces.low[own], "right")
-            count = np.maximum(np.searchsorted(span.t, pieces.high[own], "left") - begin, 0)
-            piece = np.repeat(own, count)
-            known = np.arange(len(piece)) + np.repeat(begin - np.cumsum(count) + count, count)
-            tells = pieces.width[piece] > CLOSE * gaps[known]
-            piece, known = piece[tells], known[tells]
-            if len(piece):
-                np.maximum.at(off, piece, np.abs(pieces.at(piece, span.t[known]) - span.f[known]))
+            piece = own[np.maximum(np.searchsorted(pieces.low[own], span.t, "right") - 1, 0)]
+            within = (span.t > pieces.low[piece]) & (span.t < pieces.high[piece])
+            known = np.flatnonzero(within & (pieces.width[piece] > CLOSE * gaps))
+            piece = piece[known]
+            np.maximum.at(off, piece, np.abs(pieces.at(piece, span.t[known]) - span.f[known]))
         return off
 
     def divisible(self, pieces: Pieces) -> Flags:

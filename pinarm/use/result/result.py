@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     from pinarm.engine.linear.linear_states import Linearisation
     from pinarm.engine.quantities.names import Quantities
-    from pinarm.input.units import Unit
     from pinarm.use.result.presentation import Presentation
     from pinarm.use.result.section import Numbered, Section
     from pinarm.use.scenario.scenario import Scenario
@@ -164,24 +163,12 @@ class Result(Run, frozen=True):
     @property
     def shown_sections(self) -> Mapping[str, Section]:
         """The sections as people are shown them: in the units that the scenario asks for, and angles in degrees."""
-        units = {**FOR_PEOPLE, **self._table_units}
+        units = {**FOR_PEOPLE, **self.presentation.kinds}
         return {key: section.shown(units) for key, section in self.sections.items()}
 
     @property
     def written_sections(self) -> Mapping[str, Section]:
-        return {key: section.shown(self._table_units) for key, section in self.sections.items()}
-
-    @cached_property
-    def _table_units(self) -> Mapping[str, Unit]:
-        """Units of tables of sections, as text -> the unit that the scenario shows quantities in that have it.
-
-        A unit of which quantities are shown in several ways stays.
-        """
-        chosen: dict[str, set[Unit]] = {}
-        for name, unit in self.presentation.units.items():
-            chosen.setdefault(str(self.quantities[name].unit), set()).add(unit)
-        alone = {own: next(iter(units)) for own, units in chosen.items() if len(units) == 1}
-        return {**self.presentation.kinds, **alone}
+        return {key: section.shown(self.presentation.kinds) for key, section in self.sections.items()}
 
     def section(self, key: str) -> Section:
         """Return one section, evaluated when it is first asked for; others are left alone.

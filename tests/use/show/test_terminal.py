@@ -65,7 +65,7 @@ drives: {motor: {joint: O}}
 def test_tables_of_sections_are_in_the_units_of_the_scenario(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(TURNED)
     (tmp_path / "s.yaml").write_text(
-        "pinarm: 1\nmechanism: m.yaml\noutputs: [O]\nshaking: {}\nunits: {joint.O.force.x: kN}\n"
+        "pinarm: 1\nmechanism: m.yaml\noutputs: [O]\nshaking: {}\nunits: {force: kN}\n"
         "problem: {kind: inverse, time: {end: 1 s}, motion: {O: {law: constant_speed, speed: 300 rpm}}}\n"
     )
     result = pinarm.run(tmp_path / "s.yaml")
