@@ -134,21 +134,26 @@ def integrals(
 
 
 def _of_integrals(run: Lookup, quantity: str, name: str) -> tuple[float, float]:
-    """Return mean, rms or integral, and its error, of x relative to the largest of its sizes in the rows.
+    """Return mean, rms or integral, and its error, by the integrals of x/c and (x/c)².
 
-    That may be one beside a pole, and all else small.
+    c is the largest of the sizes of x in the rows. That may be one beside a pole, and all else small.
     """
     rows, t = np.abs(run.quantities[quantity].values), run.run.grid.t
     scale = float(rows[np.isfinite(rows)].max(initial=0.0)) or 1.0
+
+    def powers(rows: Quantities) -> Array:
+        x = rows[quantity].values / scale
+        return np.stack([x, x * x], axis=1)
+
+    total, error = integrals(run, powers, least=0.0, of=[quantity])
     if name == "rms":
-        values, errors = rms_values(run, [quantity], np.array([scale]), least=0.0)
-        return float(values[0]), float(errors[0])
-    total, error = integrals(run, lambda rows: rows[quantity].values[:, None] / scale, 0.0, [quantity])
+        root, left = (float(total[1]) / run.length) ** 0.5, float(error[1]) / run.length
+        return scale * root, scale * (0.5 * left / root if root else left**0.5)
     per = float(np.sign(t[-1] - t[0])) if name == "integral" else 1.0 / run.length
     return scale * float(total[0]) * per, scale * float(error[0]) * abs(per)
 
 
-def rms_values(run: Lookup, quantities: Sequence[str], scales: Array, least: float = 1.0) -> tuple[Array, Array]:
+def rms_values(run: Lookup, quantities: Sequence[str], scales: Array) -> tuple[Array, Array]:
     """Return the rms values of several quantities by one quadrature, and their errors, both of shape (k,).
 
     Args:
@@ -156,13 +161,12 @@ def rms_values(run: Lookup, quantities: Sequence[str], scales: Array, least: flo
         quantities: Names, k of them.
         scales: What matters in each [SI], shape (k,): components of a vector have its size, beside which one that is
             only rounding is 0, and needs no more points.
-        least: See ``integrals``.
     """
     scales = np.where(scales > 0.0, scales, 1.0)
 
     def squares(rows: Quantities) -> Array:
         return np.stack([(rows[name].values / scale) ** 2 for name, scale in zip(quantities, scales, strict=True)], 1)
 
-    total, error = (part / run.length for part in integrals(run, squares, least, quantities))
+    total, error = (part / run.length for part in integrals(run, squares, of=quantities))
     root = np.sqrt(np.maximum(total, 0.0))
     return scales * root, scales * np.where(root**2 > error, 0.5 * error / np.maximum(root, 1e-300), np.sqrt(error))
