@@ -281,7 +281,7 @@ class Scenario(scenarios.Scenario, frozen=True):
         search = self.content.find
         if self.content.accuracy.target is None or (search and search.objective):  # every run of which reaches it
             return self.solve()
-        from pinarm.use.accuracy.error_estimate import reach_target
+        from pinarm.use.accuracy.tolerance_search import reach_target
 
         return cast("Result", reach_target(self))
 

@@ -1,4 +1,4 @@
-"""The global error of a result: solved a second time, finer and with other last digits, and compared; its target.
+"""The global error of a result: solved a second time, finer and with other last digits, and compared.
 
 The tolerance of an integration bounds the error of one step. What the errors of all steps, and of rounding, have done
 to an output at the end is seen where the problem is solved again in another way: with a finer setting, and for a
