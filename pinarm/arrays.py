@@ -31,6 +31,8 @@ def real(x: ArrayLike, name: str) -> Array:
     Raises:
         InputError: It is none.
     """
+    if type(x) is np.ndarray and x.dtype.char == "d":
+        return x
     try:
         return np.asarray(getattr(x, "si", x)).astype(np.float64, casting="same_kind", copy=False)
     except (TypeError, ValueError):
@@ -85,7 +87,7 @@ def as_rows(x: Array, width: int, name: str) -> Array:
     Raises:
         InputError: It has another shape, or is not of real numbers.
     """
-    rows = x if type(x) is np.ndarray and x.dtype == np.float64 and x.ndim >= 2 else np.atleast_2d(real(x, name))
+    rows = x if type(x) is np.ndarray and x.dtype.char == "d" and x.ndim >= 2 else np.atleast_2d(real(x, name))
     if rows.shape[-1] != width:
         raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
     return rows
@@ -97,7 +99,8 @@ def same_rows(*arrays: Array) -> None:
     Raises:
         InputError: Says how many each has.
     """
-    if len({len(array) for array in arrays}) > 1:
+    first, *others = map(len, arrays)
+    if any(count != first for count in others):
         rows = ", ".join(str(len(array)) for array in arrays)
         raise InputError(f"the arrays have {rows} rows", expected="as many in each")
 

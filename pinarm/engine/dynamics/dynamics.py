@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
 def rnea(model: Model, q: Array, v: Array, a: Array) -> Array:
     """Return efforts of motions without loads, shape (n, .., nv)."""
-    if model.nv > WIDE:
-        data = new_data(model)
+    if isinstance(model, ModelVariants):
+        return _of_variants(model, _rnea, q, v, a)
+    if len(q) == 1 or model.nv > WIDE:
+        data = _buffers(model)
         return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
-    if not isinstance(model, ModelVariants):
-        return _rnea(_single(model) if v.size < SHARED or _threads() == 1 else _several(model), q, v, a)
-    return _of_variants(model, _rnea, q, v, a)
+    return _rnea(_single(model) if v.size < SHARED or _threads() == 1 else _several(model), q, v, a)
 
 
 def _rnea(pool: pin.ModelPool, q: Array, v: Array, a: Array) -> Array:
@@ -73,7 +73,7 @@ def aba(model: Model, q: Array, v: Array, tau: Array) -> Array:
     """
     if isinstance(model, ModelVariants):
         return _of_variants(model, lambda pool, *states: _aba(pool.getModel(0), pool.getData(0), *states), q, v, tau)
-    return _aba(model, new_data(model) if model.nv > WIDE else _single(model).getData(0), q, v, tau)
+    return _aba(model, _buffers(model), q, v, tau)
 
 
 def _aba(model: pin.Model, data: pin.Data, q: Array, v: Array, tau: Array) -> Array:
@@ -115,6 +115,11 @@ def _of_variant(model: pin.Model) -> pin.ModelPool:
 @cached_by_model
 def _single(model: pin.Model) -> pin.ModelPool:
     return pin.ModelPool(model, 1)
+
+
+@cached_by_model
+def _buffers(model: pin.Model) -> pin.Data:
+    return new_data(model)
 
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})

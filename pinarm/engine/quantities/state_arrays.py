@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from math import isfinite
 from operator import truediv
@@ -23,6 +22,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import UNIVERSE, frame_of
 from pinarm.mechanics.laws.motion_law import SECOND
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -33,8 +33,7 @@ RATES = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
 """Arrays of a state -> suffix of their unit behind that of positions."""
 
 
-@dataclass(frozen=True)
-class LeadingAxes:
+class LeadingAxes(ValueRecord, frozen=True):
     """Lengths of the leading axes that the arrays of one call share; none where a single state was given."""
 
     shape: tuple[int, ...]
@@ -46,19 +45,19 @@ class LeadingAxes:
         Args:
             given: Name -> array of shape (..., width), and its width.
         """
-        arrays = {name: real(x, name) for name, (x, _) in given.items()}
-        for name, x in arrays.items():
-            width = given[name][1]
+        rows, shapes = dict[str, Array](), dict[str, tuple[int, ...]]()
+        for name, (array, width) in given.items():
+            x = real(array, name)
             if x.ndim == 0 or x.shape[-1] != width:
                 hint = "q, v = mechanism.from_pinocchio(q, v), of states as Pinocchio has them" if name == "q" else ""
                 expected = f"(..., {width}), such as ({width},)"
                 raise InputError(f"{name} has the shape {x.shape}", expected=expected, hint=hint)
-        if len({x.shape[:-1] for x in arrays.values()}) > 1:
-            shapes = ", ".join(f"{name}: {x.shape}" for name, x in arrays.items())
-            raise InputError(f"the arrays have the shapes {shapes}", expected="the same axes before the last one")
-        leading = cls(next(iter(arrays.values())).shape[:-1])
-        rows = {name: x.reshape(-1 if x.size else 0, given[name][1]) for name, x in arrays.items()}
+            rows[name], shapes[name] = x.reshape(-1 if x.size else 0, width), x.shape
+        leading = cls(next(iter(shapes.values()))[:-1])
         for name, x in rows.items():
+            if shapes[name][:-1] != leading.shape:
+                said = ", ".join(f"{name}: {shape}" for name, shape in shapes.items())
+                raise InputError(f"the arrays have the shapes {said}", expected="the same axes before the last one")
             if not isfinite(np.vdot(x, x)):  # the fastest look at all of them; squares may overflow
                 leading.require_finite(name, x)
         return leading, [*rows.values()]
@@ -177,6 +176,8 @@ def columns_of(
 
 def instant(t: float) -> float:
     """Return an instant [s]."""
+    if type(t) is float and isfinite(t):
+        return t
     require_unit(t, "t", SECOND)
     time = real(t, "t")
     if time.ndim or not np.isfinite(time):

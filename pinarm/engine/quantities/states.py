@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf, nextafter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,7 +91,7 @@ def quantities(
 
 def _rows(mechanism: Mechanism, t: float, q: Array, v: Array, a: Array) -> Trajectory:
     closure = mechanism.closure
-    grid = Grid(np.full(len(q), t), (t, float(np.nextafter(t, np.inf))), (0, len(q)))
+    grid = Grid(np.full(len(q), t), (t, nextafter(t, inf)), (0, len(q)))
     return Trajectory(
         mechanism, "t", unit("s"), grid, q, v, a, np.zeros_like(v), np.zeros((len(q), closure.size)), closure,
         mechanism.dynamics, separate=True,
@@ -113,7 +114,7 @@ def _driven(run: Trajectory, acting: Actuation, *, bands: bool = True) -> Trajec
 
 def _under_efforts(mechanism: Mechanism, leading: LeadingAxes, t: float, q: Array, v: Array, tau: Array) -> Trajectory:
     """Return states with their accelerations, friction and multipliers, and with others that hold as well."""
-    dynamics = mechanism.dynamics.on(t, float(np.nextafter(t, np.inf)))
+    dynamics = mechanism.dynamics.on(t, nextafter(t, inf))
     friction, loads, others = _friction(mechanism, dynamics, t, q, v, tau)
     a = _accelerations(mechanism, dynamics, t, q, v, tau + loads)
     check_closed(mechanism.closure, leading, q, v, a, found=True)
@@ -176,7 +177,7 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
         _check_sides(leading, run)
         tau, lam = run.tau, run.lam
     else:
-        dynamics = mechanism.dynamics.on(t, np.nextafter(t, np.inf))
+        dynamics = mechanism.dynamics.on(t, nextafter(t, inf))
         tau, lam = acting.efforts(np.full(len(q), t), q, dynamics.inverse(t, q, v, a))
     if lam.shape[1] > (own := mechanism.closure.size):  # drives of tasks act by J^T, as along a point
         tau = tau + np.vecmat(lam[:, own:], acting.closure.at(q)[1][:, own:])
@@ -191,8 +192,9 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     tau = rows["tau"] if "tau" in rows else np.zeros_like(v)
     if one_sided(mechanism.constraints):
         return leading.unfold(_under_efforts(mechanism, leading, t, q, v, tau).a)
-    dynamics = mechanism.dynamics.on(t, np.nextafter(t, np.inf))
-    a = _accelerations(mechanism, dynamics, t, q, v, tau + _friction(mechanism, dynamics, t, q, v, tau)[1])
+    dynamics = mechanism.dynamics.on(t, nextafter(t, inf))
+    total = tau + _friction(mechanism, dynamics, t, q, v, tau)[1] if mechanism.frictions else tau
+    a = _accelerations(mechanism, dynamics, t, q, v, total)
     check_closed(mechanism.closure, leading, q, v, a, found=True)
     return leading.unfold(a)
 
