@@ -155,7 +155,7 @@ SCENARIOS = [
      ["s.yaml:10:3: the mechanism has no coordinate 'rod.z'",
       "try: rod_z here, with coordinates: {rod_z: {kind: point, point: rod, along: z}} in the mechanism file"]),
     (SCENARIO, "joint: track, effort", "joint: turn, effort",
-     ["s.yaml:12:39: 'turn' is a coordinate, no joint", "try: kind: coordinate_effort, coordinate: turn"]),
+     ["s.yaml:12:39: the model has no joint 'turn' with one coordinate"]),
     (SCENARIO, "[x, joint.pivot.effort]", "[joint.pivot.force.about.cart.z]",
      ["s.yaml:13:11: there is no quantity 'joint.pivot.force.about.cart.z'"]),
     # as many drives as degrees of freedom, two here; height does not change where the rod hangs

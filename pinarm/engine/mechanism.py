@@ -116,10 +116,8 @@ class Mechanism(Record, frozen=True):
         return replace(self, model=model)._bound()
 
     def _bound(self) -> Mechanism:
-        from pinarm.mechanics.forces.kinds import bound
-
         definitions = self.description.forces.items()
-        forces = {name: bound(force, self.model, self.joints, self.coordinates) for name, force in definitions}
+        forces = {name: force.bind(self.model, self.joints, self.coordinates) for name, force in definitions}
         return replace(self, forces={**self.forces, **forces})
 
     @cached_property

@@ -364,12 +364,10 @@ class _Binding(Record, frozen=True):
 
     def forces(self, model: pin.Model, parts: NamedParts) -> dict[str, ForceElement]:
         forces = dict(self.robot.forces)
-        if self.description.forces:
-            from pinarm.mechanics.forces.kinds import bound
         for name, definition in self.description.forces.items():
             with self.here("forces", name):
                 check_new(name, forces)
-                forces[name] = bound(definition, model, parts.joints, parts.coordinates)
+                forces[name] = definition.bind(model, parts.joints, parts.coordinates)
         for name, drive, train in self.trains(parts.coordinates):
             if drive.elasticity is not None:
                 from pinarm.mechanics.forces.along_coordinate import elastic_gear

@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, Key, choices, within
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct, Weight
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -29,6 +29,7 @@ from pinarm.mechanics.joints import (
     Direction,
     Joint,
     check_parallel,
+    effort_unit,
     frame_of,
     frames_of,
     joint_of,
@@ -315,7 +316,7 @@ class Constraint(ABC):
         return lam
 
     def push_unit(self) -> Unit:
-        return unit("N") if self.unit(0) == METRE else unit("N*m")
+        return effort_unit(self.unit(0))
 
     @property
     @abstractmethod

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -50,16 +50,9 @@ class Joint(ValueRecord, frozen=True):
     unit: Unit
 
 
-class Measured(Protocol):
-    """Joint or coordinate with a unit."""
-
-    @property
-    def unit(self) -> Unit: ...
-
-
-def effort_unit(of: Measured) -> Unit:
-    """Return the unit of efforts along a joint or a coordinate: N of lengths, N*m of angles."""
-    return unit("N") if of.unit == METRE else unit("N*m")
+def effort_unit(measured: Unit) -> Unit:
+    """Return the unit of efforts along a joint or a coordinate, by its own: N of lengths, N*m of angles."""
+    return unit("N" if measured == METRE else "N*m")
 
 
 def joints_of(model: pin.Model) -> dict[str, Joint]:

@@ -66,7 +66,7 @@ class MechanismPlant:
 
     def command_unit(self, name: str) -> Unit:
         drive = self.mechanism.drives.get(name)
-        return drive.motor.command if drive is not None and drive.motor else effort_unit(self.drive(name))
+        return drive.motor.command if drive is not None and drive.motor else effort_unit(self.drive(name).unit)
 
     def motor_inverse(self, name: str) -> CommandOfEffort | None:
         drive = self.mechanism.drives.get(name)

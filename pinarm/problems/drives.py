@@ -79,7 +79,7 @@ class EffortSharing(InputStruct, frozen=True):
 
     def weighted(self, drives: Mapping[str, Coordinate]) -> Array:
         """Return w of the drives, shape (d,)."""
-        units = {name: effort_unit(coordinate) for name, coordinate in drives.items()}
+        units = {name: effort_unit(coordinate.unit) for name, coordinate in drives.items()}
         return weights_of(self.weights, units, DRIVE, "share", "torques and forces")
 
     def ranges(self, mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> Array:
@@ -92,7 +92,7 @@ class EffortSharing(InputStruct, frozen=True):
                 for side, bound in enumerate(limit.bounds):
                     if bound is not None:
                         with within(name):
-                            check_unit(bound, effort_unit(drives[name]))
+                            check_unit(bound, effort_unit(drives[name].unit))
                         ranges[side, [*drives].index(name)] = bound
         return ranges
 

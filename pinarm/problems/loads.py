@@ -54,12 +54,10 @@ def require_constant(forces: Mapping[str, ForceElement], place: Place) -> None:
 def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
     """Return the force elements of a run by name: the mechanism's own and those of the problem."""
     forces = dict(mechanism.forces)
-    if loads:
-        from pinarm.mechanics.forces.kinds import bound
     for name, load in loads.items():
         with place("loads", name):
             check_new(name, forces)
-            forces[name] = bound(load, mechanism.model, mechanism.joints, mechanism.coordinates)
+            forces[name] = load.bind(mechanism.model, mechanism.joints, mechanism.coordinates)
     return forces
 
 

@@ -204,7 +204,7 @@ def _state_columns(mechanism: Mechanism) -> dict[str, StateColumn]:
         columns[f"{base}.position"] = StateColumn("q", joint.q, own)
         columns[f"{base}.velocity"] = StateColumn("v", joint.v, unit(f"{own}/s"))
         columns[f"{base}.acceleration"] = StateColumn("a", joint.v, unit(f"{own}/s^2"))
-        columns[f"{base}.effort"] = StateColumn("tau", joint.v, effort_unit(joint))
+        columns[f"{base}.effort"] = StateColumn("tau", joint.v, effort_unit(joint.unit))
     for name, ball in mechanism.balls.items():
         for k, axis in enumerate("xyzw"):
             columns[f"joint.{name}.quaternion.{axis}"] = StateColumn("q", ball.q + k, DIMENSIONLESS)

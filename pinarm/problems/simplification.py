@@ -240,7 +240,6 @@ class LockedMechanism(Record, frozen=True):
         Those at locked joints are left out.
         """
         from pinarm.mechanics.forces.joint_forces import SpringDamper
-        from pinarm.mechanics.forces.kinds import bound
 
         elements, part = dict[str, ForceElement](), self.mechanism
         for name, force in self.forces.items():
@@ -250,7 +249,7 @@ class LockedMechanism(Record, frozen=True):
             if name not in definitions:
                 return None
             try:
-                elements[name] = bound(definitions[name], part.model, part.joints, part.coordinates)
+                elements[name] = definitions[name].bind(part.model, part.joints, part.coordinates)
             except InputError:  # at a locked joint
                 if force.jumps or getattr(definitions[name], "joint", None) not in self.whole.joints:
                     return None

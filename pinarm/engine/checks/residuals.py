@@ -324,7 +324,7 @@ def _of_joint(run: Trajectory, joint: Joint) -> Iterator[Excess]:
         ("position", joint.unit, low, q, low - q),
         ("position", joint.unit, high, q, q - high),
         ("velocity", rate, fastest, v, np.abs(v) - fastest),
-        ("effort", effort_unit(joint), most, tau, np.abs(tau) - most),
+        ("effort", effort_unit(joint.unit), most, tau, np.abs(tau) - most),
     ):
         rows = np.flatnonzero(beyond > ROUNDING * max(abs(limit), 1e-3))  # infinite limits are not passed
         if len(rows):

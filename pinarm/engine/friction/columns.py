@@ -10,9 +10,9 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.joints import METRE, Joint
+from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def bands_of(joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate])
     """
     bands = list[EffortBand]()
     for name, own in zip(coordinates, np.eye(len(coordinates)), strict=True):
-        of = unit("N" if coordinates[name].unit == METRE else "N*m")
+        of = effort_unit(coordinates[name].unit)
         bands.append(EffortBand(own_effort(joints, coordinates, name), name, own, of))
         if name in joints and ((through := _through(joints[name], coordinates)) != own).any():
             bands.append(EffortBand(f"joint.{name}.effort", name, through, of))

@@ -241,8 +241,8 @@ def input_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], name: str
 def _effort(name: str, known: Mapping[str, Coordinate], coordinate: str) -> Input:
     along = known[coordinate]
     if isinstance(along, LinearCoordinate):
-        return Input(name, effort_unit(along), along.weights)
-    return Input(name, effort_unit(along), force=added_name(coordinate))
+        return Input(name, effort_unit(along.unit), along.weights)
+    return Input(name, effort_unit(along.unit), force=added_name(coordinate))
 
 
 def added_name(coordinate: str) -> str:
@@ -287,7 +287,7 @@ def _amplitude_unit(mechanism: Mechanism, force: ForceElement, name: str) -> Uni
         pushes, turns = force.wrench[:3].any(), force.wrench[3:].any()
         return DIMENSIONLESS if pushes and turns else unit("N*m" if turns else "N")
     if isinstance(force, EffortAlong) and force.law.over_time_alone:
-        return effort_unit(force.coordinate)
+        return effort_unit(force.coordinate.unit)
     raise InputError(
         f"the force '{name}' has no amplitude: it follows no law over time",
         expected="a wrench, joint_effort or coordinate_effort",

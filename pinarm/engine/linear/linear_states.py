@@ -50,7 +50,7 @@ from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate, GuidedCoordinate
 from pinarm.mechanics.couplings.coupling import cams_of
 from pinarm.mechanics.geometry.link_placements import speeding
-from pinarm.mechanics.joints import METRE, links_behind
+from pinarm.mechanics.joints import METRE, effort_unit, links_behind
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
@@ -149,7 +149,7 @@ class Linearisation(Record, frozen=True):
         places = np.flatnonzero(self.drives.prescribed).tolist()
         moved = [(self.drives.names[k], self.drives.coordinates[k].unit) for k in places]
         positions, rates = ([*(joints[k] for k in own.tolist()), *moved] for own in (motion.placed, motion.independent))
-        efforts = [(name, unit("N" if own == METRE else "N*m")) for name, own in joints]
+        efforts = [(name, effort_unit(own)) for name, own in joints]
         states = [*positions, *((f"{name}'", own / unit("s")) for name, own in rates)]
         return states, [*efforts, *((f"{name}''", own / unit("s^2")) for name, own in moved)]
 

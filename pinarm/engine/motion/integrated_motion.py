@@ -119,7 +119,7 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
 def push_columns(mechanism: Mechanism, stopped: Iterable[str], pushed: Array) -> dict[str, Series]:
     """Return the columns ``joint.J.stop`` from the pushes of end stops along joints [N*m or N], shape (n, nv)."""
     joints = {f"joint.{name}.stop": mechanism.joints[name] for name in stopped}
-    return {name: Series(name, effort_unit(joint), pushed[:, joint.v]) for name, joint in joints.items()}
+    return {name: Series(name, effort_unit(joint.unit), pushed[:, joint.v]) for name, joint in joints.items()}
 
 
 def driven_by(controls: Controls, rows: Trajectory) -> Trajectory:

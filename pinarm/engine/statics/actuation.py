@@ -269,7 +269,7 @@ class SelectedDrives(Record, frozen=True):
             )
         if self.sharing is not None and self.sharing._unlimited(*system)[1][0]:
             limits = [
-                f"{name} {low:.6g} to {high:.6g} {effort_unit(coordinate)}"
+                f"{name} {low:.6g} to {high:.6g} {effort_unit(coordinate.unit)}"
                 for (name, coordinate), low, high in zip(self.named.items(), *self.sharing.limits, strict=True)
                 if np.isfinite([low, high]).any()
             ]

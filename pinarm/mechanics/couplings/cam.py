@@ -172,7 +172,7 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
 
 def _require_smooth(profile: MotionLaw, cam: Joint) -> None:
     profile.require_continuous(cam.unit)
-    for w in profile.slope_jumps():
+    for w in profile.jumps(1):
         raise InputError(
             f"the slope of the profile jumps at {w:.6g} {cam.unit}: the follower would be hit",
             expected="a profile whose slope is continuous, such as cycloidal or polynomial",

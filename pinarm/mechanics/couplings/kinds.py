@@ -42,7 +42,6 @@ from pinarm.mechanics.couplings.transmissions import (
     FixedContact,
     Part,
     Strands,
-    ThreadContact,
     Transmission,
     at_origin,
 )
@@ -314,16 +313,16 @@ def turning_and_sliding(joints: Mapping[str, Joint], names: tuple[str, str], kin
     return turns, slides
 
 
-def _thread(pair: MemberPair, pitch: float) -> ThreadContact | None:
+def _thread(pair: MemberPair, pitch: float) -> FixedContact | None:
     """Return the thread: a force on the nut, and the moment that keeps its power 0; ``None`` along another axis."""
     if np.linalg.norm(np.cross(pair.first.axis, pair.second.axis)) > PARALLEL:
         return None
     point, along = pair.first.point, pair.sense * pair.second.axis
     about = pair.sense * pair.inner_ratio(pitch) * pair.first.axis
-    return ThreadContact(
+    return FixedContact(
         *pair.bodies, f"thread, lead {2e3 * np.pi * pitch:.6g} mm", point=point,
         wrench=at_origin(point, along) + np.concatenate([np.zeros(3), about]),
-        single={"axial": Part(NEWTON, 1.0), "torque": Part(NEWTON_METRE, pitch)}, about=about, pitch=pitch,
+        single={"axial": Part(NEWTON, 1.0), "torque": Part(NEWTON_METRE, pitch)},
     )  # fmt: skip
 
 

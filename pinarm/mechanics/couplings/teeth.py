@@ -20,7 +20,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.mechanics.couplings.transmissions import NEWTON, Part, PitchSurfaces, ToothContact, at_origin
+from pinarm.mechanics.couplings.transmissions import NEWTON, FixedContact, Part, PitchSurfaces, at_origin
 from pinarm.mechanics.geometry.frame_pairs import Path
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import METRE, PARALLEL, RADIAN, Joint, frame_of
@@ -165,7 +165,7 @@ def check_teeth(pressure_angle: float | None, helix_angle: float, plane: str) ->
 def _contact(
     pair: MemberPair, teeth: Teeth, words: str, at: Array, way: Array, normal: Array, line: Array, lever: float,
     radii: tuple[float, float], curvatures: tuple[float, float], names: Sequence[str] = ("radial", "axial"),
-) -> ToothContact:  # fmt: skip
+) -> FixedContact:  # fmt: skip
     """Return the contact of two members that roll on each other.
 
     Args:
@@ -187,7 +187,7 @@ def _contact(
     for share, member in ((1.0, pair.first), (-1.0, pair.second)):
         for joint, rate in member.rates.items() if _turns(member) else ():
             rates[joint] = rates.get(joint, 0.0) + share * rate * float(line @ member.axis)
-    return ToothContact(
+    return FixedContact(
         *pair.bodies, f"{words}, {angles}", point=at, single=single,
         wrench=at_origin(at, tangential * (way - np.tan(beta) * line)),
         folds=((0.0, at_origin(at, separating * normal)),),
@@ -195,7 +195,7 @@ def _contact(
     )  # fmt: skip
 
 
-def wheels_in_mesh(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
+def wheels_in_mesh(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> FixedContact:
     """Return the contact of two wheels, about parallel axes or about axes that meet."""
     a, b = pair.first.axis, pair.second.axis
     if np.linalg.norm(np.cross(a, b)) <= PARALLEL:
@@ -203,7 +203,7 @@ def wheels_in_mesh(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothC
     return _bevel(pair, inner_ratio, teeth)
 
 
-def _cylindrical(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
+def _cylindrical(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> FixedContact:
     """Return the contact of wheels about parallel axes: ``a x (P - A) = i b x (P - B)`` in the plane of the teeth."""
     first, second, a = pair.first, pair.second, pair.first.axis
     ratio = inner_ratio * float(np.sign(a @ second.axis))
@@ -222,7 +222,7 @@ def _cylindrical(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothCon
     return _rolling(pair, teeth, f"{kind} teeth, pitch radii {{0:.6g}} mm and {{1:.6g}} mm", at, a)
 
 
-def _bevel(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
+def _bevel(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> FixedContact:
     """Return the contact of straight bevel wheels; the pitch line runs through the meeting point of the axes."""
     first, second = pair.first, pair.second
     a, b, names = first.axis, second.axis, f"{first.joint.name} and {second.joint.name}"
@@ -251,7 +251,7 @@ def _bevel(pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
 
 def _rolling(
     pair: MemberPair, teeth: Teeth, words: str, at: Array, line: Array, names: Sequence[str] = ("radial", "axial")
-) -> ToothContact:
+) -> FixedContact:
     """Return the contact of two wheels at a pitch point; their radii [mm] are inserted into the words.
 
     The normal leads to the wheel that curves away from it: ``N . r1 / r1^2 > N . r2 / r2^2`` with the radii r1 and r2
@@ -281,7 +281,7 @@ def _rolling(
     )
 
 
-def pinion_on_rack(pair: MemberPair, radius: float, teeth: Teeth) -> ToothContact:
+def pinion_on_rack(pair: MemberPair, radius: float, teeth: Teeth) -> FixedContact:
     """Return the contact of a pinion and a rack: ``radius`` is the way of the rack per angle, with its sign."""
     pinion, a, slide = pair.first, pair.first.axis, pair.second.axis
     if abs(a @ slide) > PARALLEL:

@@ -106,6 +106,8 @@ class FixedContact(Transmission, frozen=True, kw_only=True):
         wrench: On the second member, of a unit multiplier, [f; m] at the carrier's origin, shape (6,).
         folds: Multipliers at which the wrenches change their slope, with half of the change, shape (6,).
         back: On the first member, where it is not the opposite, shape (6,).
+        surfaces: Of teeth in mesh: their force along the pitch surfaces changes sides with lam, the one across them
+            presses members apart. Which flanks touch follows from the sign of lam; there is no backlash.
     """
 
     point: Array
@@ -113,6 +115,7 @@ class FixedContact(Transmission, frozen=True, kw_only=True):
     folds: tuple[tuple[float, Array], ...] = ()
     single: Mapping[str, Part] = {}
     back: Array | None = None
+    surfaces: PitchSurfaces | None = None
 
     def place(self, q: Array) -> Array:
         return self.point
@@ -161,27 +164,6 @@ class PitchSurfaces(Record, frozen=True):
     curvatures: tuple[float, float]
     pressure_angle: float
     helix_angle: float
-
-
-class ToothContact(FixedContact, frozen=True, kw_only=True):
-    """Teeth in mesh: a force along the pitch surfaces changes sides with lam, one across them presses members apart.
-
-    Which flanks touch follows from the sign of lam; there is no backlash.
-    """
-
-    surfaces: PitchSurfaces
-
-
-class ThreadContact(FixedContact, frozen=True, kw_only=True):
-    """A thread but for its friction: a force F along the axis of the screw, and the moment ``h F`` about it.
-
-    Attributes:
-        about: Moment on the second member of a unit multiplier, about a point of the axis [m], shape (3,).
-        pitch: h, way of the second joint per angle of the first [m].
-    """
-
-    about: Array
-    pitch: float
 
 
 class Strands(FixedContact, frozen=True, kw_only=True):

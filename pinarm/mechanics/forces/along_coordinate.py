@@ -65,7 +65,7 @@ class AlongCoordinate(MeasuredCoordinate, ForceElement, frozen=True):
         return self.coordinate.wrenches(links, self.efforts(t, links.q, v))
 
     def measures(self) -> Mapping[str, ElementQuantity]:
-        return {"effort": ElementQuantity(effort_unit(self.coordinate), self.efforts)}
+        return {"effort": ElementQuantity(effort_unit(self.coordinate.unit), self.efforts)}
 
 
 class SpringAlong(AlongCoordinate, frozen=True):
@@ -231,7 +231,7 @@ class SpringKeys(InputStruct, frozen=True, kw_only=True):
 
     def spring(self, model: pin.Model, along: Coordinate) -> ForceElement:
         """Return the spring along a coordinate; at a joint one that the compiled kernel knows."""
-        stiff = effort_unit(along) / along.unit
+        stiff = effort_unit(along.unit) / along.unit
         check_keys(self, stiffness=stiff, rest=along.unit, damping=stiff * unit("s"))
         numbers = float(self.stiffness), float(self.damping), float(self.rest)
         if not isinstance(along, LinearCoordinate) or along.joint is None:
@@ -279,7 +279,7 @@ class JointEffort(LoadKeys, frozen=True, tag_field="kind", tag="joint_effort"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
         along, known = _at_joint(model, joints, self.joint), coordinates or coordinates_of(model, joints, {})
-        return EffortAlong(model, along, self.load_law("effort", effort_unit(along), model, known))
+        return EffortAlong(model, along, self.load_law("effort", effort_unit(along.unit), model, known))
 
 
 class CoordinateEffort(LoadKeys, frozen=True, tag_field="kind", tag="coordinate_effort"):
@@ -295,7 +295,7 @@ class CoordinateEffort(LoadKeys, frozen=True, tag_field="kind", tag="coordinate_
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
         along = _along(model, coordinates, self.coordinate)
-        return EffortAlong(model, along, self.load_law("effort", effort_unit(along), model, coordinates))
+        return EffortAlong(model, along, self.load_law("effort", effort_unit(along.unit), model, coordinates))
 
 
 class RegularisedFriction(InputStruct, frozen=True, tag_field="kind", tag="regularised_friction"):
@@ -315,7 +315,7 @@ class RegularisedFriction(InputStruct, frozen=True, tag_field="kind", tag="regul
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
         along = _at_joint(model, joints, self.joint)
-        check_keys(self, friction=effort_unit(along), creep=along.unit / unit("s"))
+        check_keys(self, friction=effort_unit(along.unit), creep=along.unit / unit("s"))
         return DryFriction(along.moved, np.array([float(self.friction)]), np.array([float(self.creep)]))
 
 
@@ -338,7 +338,7 @@ class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"
         along = _at_joint(model, joints, self.joint)
         for row, point in enumerate(self.curve):
             with within("curve", row):
-                check_each(point, along.unit / unit("s"), effort_unit(along))
+                check_each(point, along.unit / unit("s"), effort_unit(along.unit))
         return MotorCurve(model, along, *np.array(self.curve, float).T)
 
 
@@ -360,7 +360,7 @@ def elastic_gear(
     Args:
         backlash: [rad or m].
     """
-    stiff = effort_unit(deflection) / deflection.unit
+    stiff = effort_unit(deflection.unit) / deflection.unit
     with within("elasticity"):
         check_keys(elasticity, stiffness=stiff, damping=stiff * unit("s"))
     with within("backlash"):

@@ -37,7 +37,6 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.units import unit
 from pinarm.mechanics.couplings.cam import CamContact, CamCoupling, along
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.transmissions import (
@@ -47,8 +46,6 @@ from pinarm.mechanics.couplings.transmissions import (
     Part,
     PitchSurfaces,
     Strands,
-    ThreadContact,
-    ToothContact,
     Transmission,
     at_origin,
     outwards,
@@ -56,7 +53,7 @@ from pinarm.mechanics.couplings.transmissions import (
 from pinarm.mechanics.friction.contact import Bearing, CoupledSlip, FrictionContact, FrictionLaw
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.joints import METRE, RADIAN
+from pinarm.mechanics.joints import RADIAN, effort_unit
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.records import Record, ValueRecord, replace
 
@@ -95,11 +92,11 @@ class ThreadGeometry(ValueRecord, frozen=True):
 
         ``None`` where the contact of the thread is not known: friction then acts as efforts at the coupled joints.
         """
-        if not isinstance(known, ThreadContact):
+        if not isinstance(known, FixedContact) or "torque" not in known.single:
             return None
         turning, sliding = self.along
-        wrench = sliding * at_origin(known.point, known.wrench[:3])
-        wrench[3:] -= turning / known.pitch * known.about
+        force = at_origin(known.point, known.wrench[:3])
+        wrench = sliding * force - turning / known.single["torque"].size * (known.wrench - force)
         single = {"axial": Part(NEWTON, sliding), "torque": Part(NEWTON_METRE, -turning)}
         return FixedContact(known.carrier, known.first, known.second, point=known.point, wrench=wrench, single=single)
 
@@ -194,7 +191,7 @@ class GearSlip(Record, frozen=True):
 def gear_loss(drive: str, gear: GearedRotor, efficiency: float) -> FrictionContact:
     """Return the friction in the gear of a drive with an efficiency eta, above 0 and below 1."""
     mu = 2.0 * (1.0 - efficiency) / (1.0 + efficiency)
-    effort = unit("N" if gear.coordinate.unit == METRE else "N*m")
+    effort = effort_unit(gear.coordinate.unit)
     law = FrictionLaw(mu, mu, 0.0, 0.0)
     return FrictionContact(f"drive.{drive}", effort, law, Bearing.along(1.0), GearSlip(gear), gear)
 
@@ -300,18 +297,18 @@ def _integral(begins: Array, ends: Array) -> float:
 def tooth_friction(coupling: Coupling, teeth: int) -> tuple[Bearing, CoupledSlip]:
     """Return the load of the teeth of a gear or of a rack and its pinion, and their mean slip."""
     known = coupling.transmission
-    if not isinstance(known, ToothContact) or not known.surfaces.pressure_angle:
+    if not isinstance(known, FixedContact) or not (surfaces := known.surfaces) or not surfaces.pressure_angle:
         raise InputError(
             f"the teeth of the {coupling.kind} '{coupling.name}' are not known",
             expected="a gear or a rack with its pressure_angle",
         )
-    mesh = ToothMesh.of(teeth, known.surfaces)
+    mesh = ToothMesh.of(teeth, surfaces)
     with within("teeth"):
         mesh.check()
     weights = np.zeros(len(coupling.coordinate.weights))
-    for joint, rate in known.surfaces.rates.items():
+    for joint, rate in surfaces.rates.items():
         weights[joint.v] = mesh.mean_distance * rate
-    couple = np.concatenate([np.zeros(3), mesh.mean_distance * known.surfaces.line])
+    couple = np.concatenate([np.zeros(3), mesh.mean_distance * surfaces.line])
     acting = FixedContact(known.carrier, known.first, known.second, point=known.point, wrench=-couple)
     pressing = known.wrench[:3] + known.folds[0][1][:3]
     slip = CoupledSlip(RADIAN, weights, coupling.coordinate.places, acting)

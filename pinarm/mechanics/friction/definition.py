@@ -25,11 +25,10 @@ from pinarm.input.yaml.schema import (
 from pinarm.mechanics.ball_joints import balls_of
 from pinarm.mechanics.coordinates import LinearCoordinate, PairCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
-from pinarm.mechanics.couplings.transmissions import ToothContact
 from pinarm.mechanics.friction.contact import Bearing, CoupledSlip, FrictionContact, FrictionLaw, Slip
 from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.geometry.pairs import LowerPair, TiedFrames
-from pinarm.mechanics.joints import METRE, RADIAN, Joint
+from pinarm.mechanics.joints import METRE, RADIAN, Joint, effort_unit
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import Thread
 
@@ -150,7 +149,7 @@ class Friction(InputStruct, frozen=True):
     ) -> FrictionContact:  # fmt: skip
         law, shared = law or self._law(measured), self.undetermined == "minimum_norm"
         loading = bearing if law.loaded else Bearing.none()
-        return FrictionContact(name, _effort(measured), law, loading, slip, of, shared, part)
+        return FrictionContact(name, effort_unit(measured), law, loading, slip, of, shared, part)
 
     def _of_joint(
         self, model: pin.Model, name: str, index: int, v: int, measured: Unit, bearing: Bearing, part: str = ""
@@ -203,7 +202,7 @@ class Friction(InputStruct, frozen=True):
         thread = ThreadGeometry(radius, wheel * ratio, float(self.flank))
         along, (turning, sliding) = np.zeros(len(weights)), thread.along
         along[first], along[second] = turning, wheel * sliding
-        if isinstance(coupling.transmission, ToothContact):
+        if getattr(coupling.transmission, "surfaces", None):
             raise InputError(
                 f"how friction loads the bearings of '{coupling.name}' is not known",
                 expected="a gear without the geometry of its teeth",
@@ -265,7 +264,7 @@ class Friction(InputStruct, frozen=True):
         return tuple(self._contact(loop, name, measured, bearing, slip, part) for part, slip in slips.items())
 
     def _law(self, measured: Unit) -> FrictionLaw:
-        effort, rate = _effort(measured), measured / unit("s")
+        effort, rate = effort_unit(measured), measured / unit("s")
         units = {"constant": effort, "static_constant": effort, "viscous": effort / rate, "stribeck": rate}
         check_keys(self, **units)
         static_mu = self.mu if self.static_mu is None else self.static_mu
@@ -280,10 +279,6 @@ class Friction(InputStruct, frozen=True):
             return Bearing.guide(axis, float(self.radius or 0.0), span, preload)
         journal = self._radius("mu of a joint that turns needs the radius of its journal")
         return Bearing.journal(axis, journal, thrust_radius, span, preload)
-
-
-def _effort(measured: Unit) -> Unit:
-    return unit("N" if measured == METRE else "N*m")
 
 
 def _coupled(weights: Array, name: str) -> tuple[int, int]:

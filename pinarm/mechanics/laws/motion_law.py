@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from bisect import bisect_left, insort
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, check_unit, measured_fields
@@ -181,27 +181,18 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
         """Return the instants within its pieces between which it may do anything, as between points of a spline [s]."""
         return [t for piece in self.smooth_pieces for t in piece.knots]
 
-    def jumps(self) -> list[float]:
-        """Return the breakpoints at which s, s' or s'' jumps, not only a higher derivative [s]."""
-        return [t for t, jumping in self._jumping() if jumping.any()]
-
-    def value_jumps(self) -> list[float]:
-        """Return the breakpoints at which s itself jumps [s]: allowed for a load, not for a position."""
-        return [t for t, jumping in self._jumping() if jumping[0]]
-
-    def slope_jumps(self) -> list[float]:
-        """Return the breakpoints at which s' jumps: of a cam's profile the follower would be hit there."""
-        return [t for t, jumping in self._jumping() if jumping[1]]
-
-    def _jumping(self) -> Iterator[tuple[float, Flags]]:
+    def jumps(self, *orders: int) -> list[float]:
+        """Return the breakpoints at which s, s' or s'' jumps, or those of given orders, not only a higher one [s]."""
+        found = []
         for before, after in pairwise(self.smooth_pieces):
-            instant = np.array([after.start])
-            left, right = np.array(before.function(instant)), np.array(after.function(instant))
-            size = np.maximum(before.size(), after.size())
-            yield after.start, np.abs(left - right)[:, 0] > JUMP * size
+            left, right = (np.array(side.function(np.array([after.start])))[:, 0] for side in (before, after))
+            jumping = np.abs(left - right) > JUMP * np.maximum(before.size(), after.size())
+            if jumping[list(orders) or slice(None)].any():
+                found.append(after.start)
+        return found
 
     def require_continuous(self, along: Unit = SECOND) -> None:
-        for t in self.value_jumps():
+        for t in self.jumps(0):
             raise InputError(
                 f"the value jumps at {t:.6g} {along}",
                 expected="a law without jumps (only loads over time may jump)",

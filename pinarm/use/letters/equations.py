@@ -17,7 +17,6 @@ from pinarm.engine.kinematics.assembly import closed_generic
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import DynamicsError, InputError
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.forces.kinds import bound
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.records import Record, ValueRecord
@@ -265,7 +264,7 @@ class _Proof:
         self.order = [self.mechanism.joints[name].v for name in letters.motions]
         model, known = self.mechanism, self.mechanism.description.forces
         self.elements = [element for name, element in model.forces.items() if name not in known]
-        self.elements += [bound(f.definition, model.model, model.joints, model.coordinates) for f in forces]
+        self.elements += [f.definition.bind(model.model, model.joints, model.coordinates) for f in forces]
 
     def efforts(self, needed: Mapping[str, sympy.Expr]) -> float:
         """Return the largest difference of efforts from Pinocchio's RNEA and the forces, relative to the largest terms.

@@ -252,11 +252,11 @@ def _cams(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[tuple[int, Ar
 
 
 def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
-    from pinarm.mechanics.couplings.transmissions import ToothContact
+    from pinarm.mechanics.couplings.transmissions import FixedContact
 
     for coupling in mechanism.constraints:
         contact = coupling.transmission if isinstance(coupling, Coupling) else None
-        if isinstance(contact, ToothContact):
+        if isinstance(contact, FixedContact) and contact.surfaces:
             yield from zip((contact.first, contact.second), contact.surfaces.radii, strict=True)
 
 

@@ -16,7 +16,7 @@ from pinarm.mechanics.forces.along_coordinate import (
     TorqueSpeed,
 )
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
-from pinarm.mechanics.forces.kinds import Force, bound
+from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.forces.points import ElasticCable, PointSpring, Wrench
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
@@ -115,7 +115,7 @@ def wrenches_of(element, model, t, q, v):
 
 def made(force, model, joints):
     """Return the element of a force on an interval between two breakpoints of every sample."""
-    return bound(force, model, joints, coordinates_of(model, joints, ALONG)).on(0.1, 0.9)
+    return force.bind(model, joints, coordinates_of(model, joints, ALONG)).on(0.1, 0.9)
 
 
 @pytest.mark.house

@@ -17,7 +17,7 @@ from .test_motion_law import LAWS, across, table
 
 def test_steps_hold_each_value_from_its_instant_on():
     law = LAWS["steps"]
-    assert law.value_jumps() == law.breakpoints() == [0.9, 1.4]
+    assert law.jumps(0) == law.breakpoints() == [0.9, 1.4]
     t = np.array([-1.0, 0.5, 0.9, 1.2, 1.4, 9.0])
     grid = Grid.cover(t, [law])
     assert grid.t.tolist() == [-1.0, 0.5, 0.9, 0.9, 1.2, 1.4, 1.4, 9.0]

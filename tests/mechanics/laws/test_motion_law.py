@@ -136,11 +136,11 @@ def test_derivatives_are_those_of_the_value(law, differentiate):
 @every_law
 def test_pieces_meet_but_for_the_jumps_of_the_law(law):
     """Value and speed everywhere, the acceleration but at jumps; laws of loads jump in value and speed."""
-    assert law.may_jump or not law.value_jumps()
+    assert law.may_jump or not law.jumps(0)
     for before, after in zip(law.pieces(), law.pieces()[1:], strict=False):
         t = np.array([after.start])
         left, right = np.array(before.function(t)), np.array(after.function(t))
-        if after.start not in law.value_jumps():
+        if after.start not in law.jumps(0):
             alike = slice(1 if law.may_jump else 2)
             assert left[alike] == pytest.approx(right[alike], abs=ROUNDING)
         if after.start not in law.jumps():

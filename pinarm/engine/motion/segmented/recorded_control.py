@@ -102,7 +102,7 @@ def _columns(
     for controller, part, reference in zip(controllers, parts, references, strict=True):
         measured = controller.measure(q, v)
         for i, (drive, joint) in enumerate(zip(controller.drives, controller.joints, strict=True)):
-            effort = effort_unit(joint)
+            effort = effort_unit(joint.unit)
             units = {**UNITS, "effort": effort, "command": UNITS.get(controller.supply, effort)}
             own = {name: values[:, i] for name, values in part.items()}
             rows = {name: (units[name], values) for name, values in own.items() if not np.isnan(values).all()}

@@ -22,7 +22,11 @@ def _measures_of(element: ForceElement, joints: Mapping[str, Joint]) -> Mapping[
         return own
     acts_at = np.atleast_1d(getattr(element, "v", ())).tolist()
     joint = next((joint for joint in joints.values() if [joint.v] == acts_at), None)
-    return {} if joint is None else {"effort": ElementQuantity(effort_unit(joint), partial(_effort, element, joint.v))}
+    return (
+        {}
+        if joint is None
+        else {"effort": ElementQuantity(effort_unit(joint.unit), partial(_effort, element, joint.v))}
+    )
 
 
 def _effort(element: ForceElement, index: int, t: Array, q: Array, v: Array) -> Array:

@@ -114,7 +114,7 @@ class JointQuantities(WrenchFamily, frozen=True):
         effort = self.run.effort(joint.v)
         if asked.part in EFFORTS:
             armature = self.run.armature(joint.v) if asked.part == "link_effort" else 0.0
-            values, measure = effort - armature * self.run.a[..., joint.v], effort_unit(joint)
+            values, measure = effort - armature * self.run.a[..., joint.v], effort_unit(joint.unit)
         elif asked.part == "power":
             values, measure = effort * self.run.v[..., joint.v], WATT
         else:
