@@ -39,12 +39,6 @@ class MeasuredState:
         """Return a quantity by name [SI]."""
         reader = self._readers.get(name)
         if reader is None:
-            if not isinstance(name, str):
-                raise InputError(
-                    f"a control function asks for state[{name!r}]",
-                    expected="the name of a quantity",
-                    hint="state['joint.x.velocity']",
-                )
             reader = self._readers[name] = self._plant.reader(name)
         return reader(self.t, self.q, self.v)
 
@@ -233,21 +227,22 @@ def function_controls(
     controls = []
     for name, function in control.items():
         drives = (name,) if isinstance(name, str) else name
-        if not isinstance(drives, tuple) or not drives or not all(isinstance(drive, str) for drive in drives):
-            raise InputError(f"{name!r} names no drives", expected="the name of a drive, or several in a tuple")
-        if not callable(function):
-            raise InputError(f"the control of {name!r} is {function!r}", expected="a function u(t, state)")
+        named = isinstance(drives, tuple) and drives and all(isinstance(drive, str) for drive in drives)
+        if not named or not callable(function):
+            raise InputError(
+                f"the control of {name!r} is {function!r}",
+                expected="the name of a drive, or several in a tuple, and a function u(t, state)",
+            )
         controls.append(FunctionControl(drives, function, period, delay))
     return controls
 
 
 def require_times(period: float | None, delay: float) -> None:
     """Raise where the period [s] or the delay [s] of functions is none."""
-    for name, given in (("period", 1.0 if period is None else period), ("delay", delay)):
-        if not isinstance(given, int | float | np.integer | np.floating) or isinstance(given, bool):
-            raise InputError(f"the {name} is {given!r}", expected="a number of seconds")
-    if (period is not None and not 0.0 < period < np.inf) or not 0.0 <= delay < np.inf or (delay and period is None):
+    times = (1.0 if period is None else period), delay
+    numbers = (isinstance(x, int | float | np.integer | np.floating) and not isinstance(x, bool) for x in times)
+    if not all(numbers) or not 0.0 < times[0] < np.inf or not 0.0 <= delay < np.inf or (delay and period is None):
         raise InputError(
-            f"the period is {period} s, the delay {delay} s",
-            expected="a positive period, and a delay of sampled functions only",
+            f"the period is {period!r}, the delay {delay!r}",
+            expected="a positive period in seconds, and a delay of sampled functions only",
         )

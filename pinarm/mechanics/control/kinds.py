@@ -175,15 +175,6 @@ class References(Readable):
     def __init__(self, given: Law | list[Law] | dict[str, Law]) -> None:
         self.given = given
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, References) and self.given == other.given
-
-    def __hash__(self) -> int:
-        return hash(repr(self.given))
-
-    def __repr__(self) -> str:
-        return repr(self.given)
-
     @classmethod
     def read(cls, value: object) -> Self:
         if isinstance(value, cls):

@@ -229,8 +229,9 @@ class SpringKeys(InputStruct, frozen=True, kw_only=True):
     damping: NotNegative = 0.0
     rest: AnyQuantity = 0.0
 
-    def spring(self, model: pin.Model, along: Coordinate) -> ForceElement:
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
         """Return the spring along a coordinate; at a joint one that the compiled kernel knows."""
+        along = _along(self, model, joints, coordinates)
         stiff = effort_unit(along.unit) / along.unit
         check_keys(self, stiffness=stiff, rest=along.unit, damping=stiff * unit("s"))
         numbers = float(self.stiffness), float(self.damping), float(self.rest)
@@ -249,9 +250,6 @@ class JointSpring(SpringKeys, frozen=True, tag_field="kind", tag="joint_spring")
 
     joint: str
 
-    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
-        return self.spring(model, _at_joint(model, joints, self.joint))
-
 
 class CoordinateSpring(SpringKeys, frozen=True, tag_field="kind", tag="coordinate_spring"):
     """Spring and damper along a coordinate, such as ``L.angle`` or ``L.position`` of a loop joint L.
@@ -262,40 +260,39 @@ class CoordinateSpring(SpringKeys, frozen=True, tag_field="kind", tag="coordinat
 
     coordinate: str
 
+
+class EffortKeys(LoadKeys, frozen=True, kw_only=True):
+    """The key of an effort that follows a law.
+
+    Attributes:
+        effort: The law, over time or over a coordinate, such as a turning-moment diagram.
+    """
+
+    effort: Law
+
     def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
-        return self.spring(model, _along(model, coordinates, self.coordinate))
+        along, known = _along(self, model, joints, coordinates), coordinates or coordinates_of(model, joints, {})
+        return EffortAlong(model, along, self.load_law("effort", effort_unit(along.unit), model, known))
 
 
-class JointEffort(LoadKeys, frozen=True, tag_field="kind", tag="joint_effort"):
+class JointEffort(EffortKeys, frozen=True, tag_field="kind", tag="joint_effort"):
     """Torque or force at a joint, over time or over a coordinate, such as a turning-moment diagram.
 
     Attributes:
         joint: Joint that it acts on.
-        effort: The law.
     """
 
     joint: str
-    effort: Law
-
-    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
-        along, known = _at_joint(model, joints, self.joint), coordinates or coordinates_of(model, joints, {})
-        return EffortAlong(model, along, self.load_law("effort", effort_unit(along.unit), model, known))
 
 
-class CoordinateEffort(LoadKeys, frozen=True, tag_field="kind", tag="coordinate_effort"):
+class CoordinateEffort(EffortKeys, frozen=True, tag_field="kind", tag="coordinate_effort"):
     """Torque or force along a coordinate, such as ``L.angle`` of a loop joint L.
 
     Attributes:
         coordinate: The coordinate.
-        effort: The law, over time or over a coordinate.
     """
 
     coordinate: str
-    effort: Law
-
-    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
-        along = _along(model, coordinates, self.coordinate)
-        return EffortAlong(model, along, self.load_law("effort", effort_unit(along.unit), model, coordinates))
 
 
 class RegularisedFriction(InputStruct, frozen=True, tag_field="kind", tag="regularised_friction"):
@@ -347,9 +344,12 @@ def _at_joint(model: pin.Model, joints: Mapping[str, Joint], name: str) -> Linea
         return sum_of(model, joints, [name])
 
 
-def _along(model: pin.Model, coordinates: Coordinates, name: str) -> Coordinate:
+def _along(keys: InputStruct, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates) -> Coordinate:
+    """Return what the key ``joint`` or ``coordinate`` names."""
+    if isinstance(keys, JointSpring | JointEffort):
+        return _at_joint(model, joints, keys.joint)
     with within("coordinate"):
-        return coordinate_of(model, coordinates, name)
+        return coordinate_of(model, coordinates, getattr(keys, "coordinate"))  # noqa: B009
 
 
 def elastic_gear(

@@ -167,22 +167,23 @@ class LoadLaw(Record, frozen=True):
 
     def beyond(self, t: Array, q: Array) -> str:
         """Return a note on instants, shape (n,), or configurations beyond the points of a law; empty without any."""
-        if said := self._beyond_profile(q):
-            return said
-        first, last = self.over_time.ends
-        if self.over_time.may_jump or not len(t) or (t.min() >= first and t.max() <= last):
-            return ""
-        return f"its points go from {first:.6g} to {last:.6g} s, and it is used from {t.min():.6g} to {t.max():.6g} s"
+        said = _outside(self.over_time, t, "s", 0.0)
+        if self.profile and self.along and self.profile.period == math.inf:
+            measured = str(self.along.coordinate.unit)
+            said = _outside(self.profile.law, self.along.values(q), measured, BEYOND) or said
+        return said
 
-    def _beyond_profile(self, q: Array) -> str:
-        if not (self.profile and self.along) or self.profile.period < math.inf or self.profile.law.may_jump:
-            return ""
-        (first, last), w, unit = self.profile.law.ends, self.along.values(q), self.along.coordinate.unit
-        slack = BEYOND * (last - first)
-        if not len(w) or not (w.min() < first - slack or w.max() > last + slack):
-            return ""
-        used = f"{w.min():.6g} to {w.max():.6g} {unit}"
-        return f"its points go from {first:.6g} to {last:.6g} {unit}, and it is used from {used}"
+
+def _outside(law: MotionLaw, x: Array, measured: str, part: float) -> str:
+    """Return a note where values x, shape (n,), are beyond the points of a law by a part of their range."""
+    first, last = law.ends
+    slack = part * (last - first) if part else 0.0
+    if law.may_jump or not len(x) or (x.min() >= first - slack and x.max() <= last + slack):
+        return ""
+    return (
+        f"its points go from {first:.6g} to {last:.6g} {measured}, "
+        f"and it is used from {x.min():.6g} to {x.max():.6g} {measured}"
+    )
 
 
 def _way_to(side: float, place: float, w: Array, rate: Array) -> Array:

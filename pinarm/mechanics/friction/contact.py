@@ -266,14 +266,17 @@ class FrictionContact(Record, frozen=True):
         weights = self.slip.weights / np.abs(self.slip.weights).max()
         return LinearCoordinate(self.slip.unit, weights, self.slip.places)
 
+    @property
+    def _acting(self) -> FixedContact | None:
+        return self.slip.acting if isinstance(self.slip, CoupledSlip) else None
+
     def kinks(self, links: LinkPlacements) -> list[Kink]:
         """Return where the wrenches of friction change their slope; see ``JointRelation``."""
-        acting = self.slip.acting if isinstance(self.slip, CoupledSlip) else None
-        return acting.kinks(links) if acting else []
+        return self._acting.kinks(links) if self._acting else []
 
     def added(self, part: str, f: Array) -> Array:
         """Return the part of friction in a single force or moment of the coupling [N or N*m], shape (n,)."""
-        acting = self.slip.acting if isinstance(self.slip, CoupledSlip) else None
+        acting = self._acting
         return acting.single[part].at(f) if acting and part in acting.single else np.zeros_like(f)
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
