@@ -216,18 +216,3 @@ def configuration(
         turn = pin.exp3(vector) if by_vector else pin.rpy.rpyToMatrix(angles)
         q[ball.q : ball.q + 4] = pin.Quaternion(turn).coeffs()
     return q
-
-
-def velocity(
-    model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball], values: Mapping[str, float]
-) -> Array:
-    """Return velocities from values by name, shape (nv,); what is not given is 0.
-
-    Args:
-        balls: Ball joints J, with the keys ``J.angular_velocity.x`` and so on, in the child's axes.
-        values: Values [rad/s or m/s].
-    """
-    v, places = np.zeros(model.nv), places_of(joints, balls)
-    for name, value in values.items():
-        v[places[name]] = value
-    return v

@@ -81,12 +81,12 @@ class MechanismPlant:
         words = name.split(".")
         if name in self.mechanism.coordinates:
             signal = self.signal(name)
-            return lambda t, q, v: float(signal.values(q))
+            return lambda t, q, v: float(signal.measure(q, v)[0])
         if len(words) == 3 and words[0] in ("joint", "coordinate") and words[1] in self.mechanism.coordinates:
             measured = self.signal(words[1])
             if words[2] in ("position", "velocity"):
                 order = ("position", "velocity").index(words[2])
-                return lambda t, q, v: float(measured.moving(q, v)[order])
+                return lambda t, q, v: float(measured.measure(q, v)[order])
         series = self._quantities(0.0, np.asarray(self._start), np.zeros(self.mechanism.model.nv))[name]
         if not np.isfinite(series.values).all():
             raise InputError(f"'{name}' is not determined by positions and velocities")

@@ -36,6 +36,12 @@ class Signal(MeasuredCoordinate, frozen=True, kw_only=True):
     def unit(self) -> Unit:
         return self.coordinate.unit
 
+    def measure(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return value and rate in states of shapes (..., nq) and (..., nv), both of shape (...)."""
+        if isinstance(self.coordinate, LinearCoordinate):
+            return self.coordinate.at(q), self.coordinate.rate(v)
+        return self.moving(q, v)[:2]
+
 
 class Plant(Protocol):
     """The mechanism as controllers see it; names that it does not know raise ``InputError``."""
@@ -188,21 +194,9 @@ class Controller(AbstractRecord, frozen=True, kw_only=True):
     def measure(self, q: Array, v: Array) -> Array:
         """Return values and rates of the signals, shape (..., s, 2)."""
         measured = np.empty((*q.shape[:-1], len(self.signals), 2))
-        if self._places is not None:
-            measured[..., 0], measured[..., 1] = q[..., self._places[0]], v[..., self._places[1]]
-            return measured
         for k, signal in enumerate(self.signals):
-            measured[..., k, 0], measured[..., k, 1], _ = signal.moving(q, v)
+            measured[..., k, 0], measured[..., k, 1] = signal.measure(q, v)
         return measured
-
-    @cached_property
-    def _places(self) -> tuple[Indices, Indices] | None:
-        """Indices in q and v of the signals where each is a joint's own coordinate; ``None`` elsewhere."""
-        linear = [signal.coordinate for signal in self.signals if isinstance(signal.coordinate, LinearCoordinate)]
-        joints = np.array([along.joint for along in linear if along.joint is not None], dtype=np.intp)
-        if len(joints) < len(self.signals):
-            return None
-        return np.array([along.places[joint] for along, joint in zip(linear, joints, strict=True)], np.intp), joints
 
     def followed(self, drive: str) -> int | None:
         """Return the signal whose error is that of a drive; ``None`` where it follows nothing."""

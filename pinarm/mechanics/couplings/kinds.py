@@ -42,7 +42,6 @@ from pinarm.mechanics.couplings.transmissions import (
     FixedContact,
     Part,
     Strands,
-    Transmission,
     at_origin,
 )
 from pinarm.mechanics.joints import METRE, PARALLEL, RADIAN, Joint, joint_of
@@ -187,34 +186,25 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
                 hint="kind: screw, with a lead",
             )
         check_unit(self.offset, second.unit)
-        weights, pair = {second: 1.0, first: -float(self.ratio)}, None
+        weights, known = {second: 1.0, first: -float(self.ratio)}, None
         if self.carrier or self.pressure_angle is not None or self.planets is not None:
-            pair = self._pair(joints, model, (first, second))
-        if pair is not None and self.carrier:
-            weights = pair.weights(pair.inner_ratio(self.ratio))
-        known, missing = None if pair is None else self._transmission(pair), "it has no pressure_angle"
+            carrier = joint_of(joints, self.carrier) if self.carrier else None
+            if carrier in (first, second) or first.unit != RADIAN:
+                raise InputError(
+                    f"{self.carrier or first.name} slides, or is carrier and wheel",
+                    expected="two wheels, and their carrier: revolute joints",
+                    hint="leave carrier out, where one joint moves what the other one is on",
+                )
+            pair = member_pair(model, joints, (first, second), carrier)
+            ratio = pair.inner_ratio(self.ratio)
+            if carrier is not None:
+                weights = pair.weights(ratio)
+            if self.pressure_angle is not None:
+                known = wheels_in_mesh(pair, ratio, Teeth(self.pressure_angle, self.helix_angle, self.plane))
+            elif self.planets is not None:
+                known = _moments(pair, ratio, self.planets)
+        missing = "it has no pressure_angle"
         return coupled(model, joints, name, "gear", weights, float(self.offset), known, missing)
-
-    def _pair(self, joints: Mapping[str, Joint], model: pin.Model, pair: tuple[Joint, Joint]) -> MemberPair:
-        carrier = joint_of(joints, self.carrier) if self.carrier else None
-        if carrier in pair:
-            raise InputError(
-                f"{self.carrier} is the carrier and a wheel",
-                expected="the two wheels, and their carrier",
-                hint="leave carrier out, where one joint moves what the other one is on",
-            )
-        if pair[0].unit != RADIAN:
-            raise InputError(
-                "a gear between joints that slide has no carrier, teeth or planets", expected="revolute joints"
-            )
-        return member_pair(model, joints, pair, carrier)
-
-    def _transmission(self, pair: MemberPair) -> Transmission | None:
-        ratio = pair.inner_ratio(self.ratio)
-        if self.pressure_angle is not None:
-            teeth = Teeth(self.pressure_angle, self.helix_angle, self.plane)
-            return wheels_in_mesh(pair, ratio, teeth)
-        return None if self.planets is None else _moments(pair, ratio, self.planets)
 
 
 class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):

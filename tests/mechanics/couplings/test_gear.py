@@ -216,7 +216,7 @@ REFUSED = {
     "nowhere": (gear("sun", "planet", -2.0), "no link carries the axes of both sun and planet"),
     "spiral": (gear("cone", "sun", -0.5, plane="face", helix_angle="9 deg"), "bevel wheels are straight"),
 
-    "sliding": (gear("nut", "bar", 0.5), "a gear between joints that slide has no carrier, teeth"),
+    "sliding": (gear("nut", "bar", 0.5), "nut slides, or is carrier and wheel"),
     "both": (gear("sun", "ring", -2.0, planets=3), "one pair of wheels in mesh, or planets"),
     "in the way": (gear("bar", "wheel", 2.0), "a gear couples joints of one kind"),
 
