@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -39,14 +39,20 @@ from pinarm.mechanics.joints import (
 from pinarm.records import AbstractRecord, ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.coupling import JointRelation
     from pinarm.mechanics.geometry.frame_pairs import FramePairs
 
 
-Relation: TypeAlias = "LinearCoordinate | JointRelation"
-"""A function of the joint coordinates at configurations, shape (n, nq), with its row of G, shape (n, nv)."""
+class Relation(Protocol):
+    """A function of the joint coordinates at configurations, shape (n, nq), with its row of G, shape (n, nv)."""
 
-Parts: TypeAlias = "Sequence[tuple[float, TiedFrames | Relation]]"
+    def at(self, q: Array) -> Array: ...
+
+    def rows_at(self, q: Array) -> Array: ...
+
+    def drifts_at(self, q: Array, v: Array) -> Array: ...
+
+
+Parts = Sequence[tuple[float, TiedFrames | Relation]]
 """Signed pairs of frames and relations: the rows of a constraint or a coordinate are those of these, added up."""
 
 

@@ -33,12 +33,11 @@ from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.state_arrays import rates as velocities_by_name
 from pinarm.engine.statics.actuation import along
 from pinarm.errors import DynamicsError, InputError, IntegrationError, Interrupted, Key, Place, nowhere
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Deferred, InputStruct, Level, Rate
-from pinarm.mechanics.ball_joints import coordinate_name, indices_of
+from pinarm.mechanics.ball_joints import coordinate_name, indices_of, places_of
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
@@ -262,7 +261,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         grid = Grid.cover(np.array([self.time.start, self.time.end]), prescribed.laws)
         drawn = near_given(mechanism, start_configuration(mechanism, {}), [], prescribed, grid)
         near = near_given(mechanism, start_configuration(mechanism, start), [*start], prescribed, grid)
-        v = velocities_by_name(mechanism, own)
+        v, places = np.zeros(mechanism.model.nv), places_of(joints, balls)
+        v[[places[name] for name in own]] = [*own.values()]
         return Initial(near, v, positions, velocities, rates, followers, near if self.start else drawn)
 
 
