@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
@@ -206,12 +205,6 @@ def _motors(drives: Sequence[str], mechanism: Mechanism) -> dict[str, AnyMotor]:
     return motors
 
 
-def demanded(dynamics: Dynamics, t: float, q: Array, v: Array, a: Array) -> Array:
-    """Return ``M a + nle - loads`` of one state, shape (nv,)."""
-    efforts = np.asarray(pin.rnea(dynamics.model, dynamics.data, q, v, a))
-    return efforts - dynamics.loads(t, q, v) if dynamics.forces else efforts
-
-
 @dataclass(frozen=True, eq=False)
 class InverseOfTree:
     """Inverse dynamics of an open chain whose joints are all driven: ``M a + nle - loads``.
@@ -226,9 +219,8 @@ class InverseOfTree:
     def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
         whole = np.empty_like(v)
         whole[..., self.order] = a
-        if q.ndim > 1:
-            return np.asarray(self.dynamics.inverse(t, q, v, whole)[:, self.order])
-        return np.asarray(demanded(self.dynamics, t, q, v, whole)[self.order])  # type: ignore[arg-type]
+        efforts = self.dynamics.inverse(t, *(np.atleast_2d(x) for x in (q, v, whole)))
+        return efforts[:, self.order].reshape(np.shape(a))
 
 
 @dataclass(frozen=True, eq=False)
