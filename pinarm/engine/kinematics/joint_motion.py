@@ -101,7 +101,13 @@ class DeterminedMotion(JointMotion, frozen=True):
             raise
 
     def follow(self, grid: Grid, start: Array) -> JointTrajectory:
-        return JointTrajectory(self, grid, *follow(self.mechanism, self.prescribed, grid, start))
+        mechanism, prescribed = self.mechanism, self.prescribed
+        if prescribed.linear_in(mechanism.closure):
+            return JointTrajectory(self, grid, *_follow_linear(mechanism, prescribed, grid))
+        from pinarm.engine.kinematics.continuation import follow_branch  # open chains do not pay for it
+
+        near = prescribed_at_start(mechanism, prescribed, grid, start)
+        return JointTrajectory(self, grid, *follow_branch(mechanism, prescribed, grid, near))
 
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
         if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
@@ -131,26 +137,6 @@ def joint_rates(
 
     v = least(right[0])
     return v, least(right[1] - here.drifts(v))
-
-
-def follow(
-    mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array
-) -> tuple[Array, Array, Array]:
-    """Return the motion of the joints under prescribed coordinates.
-
-    Args:
-        start: A configuration near the first one, shape (nq,): it chooses the branch.
-
-    Returns:
-        q of shape (n, nq), v and a of shape (n, nv).
-    """
-    if prescribed.linear_in(mechanism.closure):
-        return _follow_linear(mechanism, prescribed, grid)
-    from pinarm.engine.kinematics.continuation import (
-        follow_branch,  # with all that loops need: open chains do not pay for it
-    )
-
-    return follow_branch(mechanism, prescribed, grid, prescribed_at_start(mechanism, prescribed, grid, start))
 
 
 def prescribed_at_start(mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array) -> Array:

@@ -78,17 +78,12 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
             raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
         return prescribed
 
-    def with_others(
-        self, names: Iterable[str], coordinates: Iterable[Coordinate], laws: Iterable[MotionLaw]
-    ) -> PrescribedCoordinates:
-        """Return these coordinates, and others after them."""
-        return PrescribedCoordinates((*self.names, *names), (*self.coordinates, *coordinates), (*self.laws, *laws))
-
     def holding(
         self, names: Iterable[str], coordinates: Iterable[Coordinate], values: Iterable[float]
     ) -> PrescribedCoordinates:
         """Return these coordinates, and others after them that have constant values."""
-        return self.with_others(names, coordinates, (Constant(value=value) for value in values))
+        laws = (*self.laws, *(Constant(value=value) for value in values))
+        return PrescribedCoordinates((*self.names, *names), (*self.coordinates, *coordinates), laws)
 
     def miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
         """Return the error of too few or too many laws for the degrees of freedom, with joints that could be added."""

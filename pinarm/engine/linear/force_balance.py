@@ -30,7 +30,7 @@ from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import weight_bounds
 from pinarm.engine.friction.columns import friction_columns
-from pinarm.engine.kinematics.assembly import first_position
+from pinarm.engine.kinematics.assembly import OPEN, first_position
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.linear.derivatives import EquationDerivatives, complex_kept, equation_derivatives
@@ -45,7 +45,6 @@ from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.friction.contact import FrictionContact, same_joint, sizes, slip_rows
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import format_configuration
-from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
@@ -207,8 +206,8 @@ class Driven(Record, frozen=True):
     @cached_property
     def held(self) -> PrescribedCoordinates:
         """The coordinates that keep their values."""
-        h, laws = len(self.values), tuple(Constant(value=value) for value in self.values.tolist())
-        return PrescribedCoordinates((*self.names[:h],), (*self.coordinates[:h],), laws)
+        h = len(self.values)
+        return OPEN.holding(self.names[:h], self.coordinates[:h], self.values.tolist())
 
 
 def acting(nv: int, coordinates: Sequence[Coordinate], efforts: Array) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.kinematics.assembly import determining
-from pinarm.engine.kinematics.joint_motion import follow
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.laws import Constant, Harmonic, Trapezoid
@@ -35,7 +35,9 @@ def leg():
 
 def moved(leg, motion, t, start):
     prescribed = determining(leg, motion)
-    return follow(leg, prescribed, Grid.cover(np.asarray(t, float), motion.values()), start_configuration(leg, start))
+    grid = Grid.cover(np.asarray(t, float), motion.values())
+    states = DeterminedMotion(leg, prescribed).follow(grid, start_configuration(leg, start))
+    return states.q, states.v, states.a
 
 
 def hip(leg, q):

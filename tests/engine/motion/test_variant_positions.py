@@ -7,7 +7,7 @@ import pytest
 
 from pinarm import Mechanism
 from pinarm.engine.kinematics.assembly import determining
-from pinarm.engine.kinematics.joint_motion import follow
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import mechanism_variants
@@ -31,7 +31,7 @@ def followed(columns: dict[str, list[float]], rows: int = 120) -> tuple[VariantS
     prescribed = determining(mechanism, law())
     grid = Grid.cover(np.linspace(0.0, np.pi, rows), prescribed.laws)
     start = start_configuration(mechanism, START)
-    q, _, _ = follow(mechanism, prescribed, grid, start)
+    q = DeterminedMotion(mechanism, prescribed).follow(grid, start).q
     given = {name: [FIRST[name], *values] for name, values in columns.items()}
     variants, possible = mechanism_variants(mechanism, FIRST, given)
     assert possible.all()
@@ -88,7 +88,7 @@ def test_variants_with_laws_of_their_own_move_by_freudensteins_equation(turns: f
     t = np.stack([np.linspace(0.0, 2.0 * np.pi / SPEED, 121), np.linspace(0.0, 2.0 * np.pi * turns / SPEED, 121)], 1)
     theta2 = SPEED * t
     laws = np.array([theta2, np.full_like(t, SPEED), np.zeros_like(t)])[..., None]
-    q, _, _ = follow(mechanism, prescribed, Grid.cover(t[:, 0], prescribed.laws), start)
+    q = DeterminedMotion(mechanism, prescribed).follow(Grid.cover(t[:, 0], prescribed.laws), start).q
     variants, _ = mechanism_variants(mechanism, FIRST, {"b": [0.35, 0.36]})
     motion = VariantMotion.of(variants.closure, prescribed, q[0])
     near = motion.continued(t, laws, q, start[None])
@@ -106,7 +106,7 @@ def test_another_branch_at_the_start_is_noticed() -> None:
     prescribed = determining(mechanism, law())
     grid = Grid.cover(np.linspace(0.0, 1.0, 40), prescribed.laws)
     open_start, crossed_start = (start_configuration(mechanism, {"A": s * 0.7, "theta4": s * 1.4}) for s in (1, -1))
-    q, _, _ = follow(mechanism, prescribed, grid, open_start)
+    q = DeterminedMotion(mechanism, prescribed).follow(grid, open_start).q
     variants, _ = mechanism_variants(mechanism, FIRST, {"b": [0.35, 0.36]})
     laws = np.array([grid.evaluate(one) for one in prescribed.laws]).transpose(1, 2, 0)[:, :, None]
     motion = VariantMotion.of(variants.closure, prescribed, q[0])
