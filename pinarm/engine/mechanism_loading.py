@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -123,9 +123,8 @@ def _described(
         description = replace(description, gravity=gravity)
     units, given = arguments_of(description, arguments, here, locate)
     key = "planar" if description.planar else "robot"
-    with here(key), naming_arguments(locate), naming_arguments(here, description.arguments):
+    with here(key), naming_arguments(locate, here, description.arguments):
         robot, texts, source = read_robot(description, data, folder, given, model)
-    with naming_arguments(here):
         check_declared(units, texts)
     units |= {name: value.unit for name, value in description.parameters.items() if value.unit}
     resolved = {name: float(value) for name, value in description.parameters.items()} | dict(numeric(texts))
@@ -438,12 +437,12 @@ def arguments_of(
 
 
 @contextmanager
-def naming_arguments(place: Place, only: Container[str] | None = None) -> Iterator[None]:
-    """Place arguments that the model does not have, of these only, at their keys."""
+def naming_arguments(caller: Place, here: Place = nowhere, own: Container[str] = ()) -> Iterator[None]:
+    """Place arguments that the model does not have at their keys: ``own`` ones here, others in the caller's file."""
     try:
         yield
     except UnknownArgument as error:
-        with place("arguments", Key(error.name)) if only is None or error.name in only else nullcontext():
+        with (here if error.name in own else caller)("arguments", Key(error.name)):
             raise
 
 
