@@ -184,11 +184,11 @@ def first_step(
     """
     (start, end), scale = time, tolerance * y.shape[1] ** 0.5 * (size + np.abs(y))
     d0, d1 = (np.linalg.norm(x / scale, axis=1) for x in (y, slope))
-    h0 = np.where(np.minimum(d0, d1) < 1e-5, 1e-6, 0.01 * d0 / np.maximum(d1, TINY))
+    h0 = np.where(np.minimum(d0, d1) < 1e-5, 1e-6, 0.01 * d0 / np.maximum(d1, 1e-5))
     h0 = np.clip(h0, NOISELESS * (end - start), end - start)
     change = rates(start + h0, y + h0[:, None] * slope) - slope
     steepest = np.fmax(d1, np.linalg.norm(change / scale, axis=1) / h0)
-    h1 = (0.01 / np.maximum(steepest, TINY)) ** (1.0 / (order + 1))
+    h1 = (0.01 / np.maximum(steepest, 1e-15)) ** (1.0 / (order + 1))
     return np.minimum(100.0 * h0, np.where(steepest <= 1e-15, np.maximum(1e-6, 1e-3 * h0), h1))
 
 

@@ -146,8 +146,9 @@ class _Part:
         direct, error = self._closed(begun if near is None else self._copied(near, drawn))
         way, end = "", None
         with suppress(AssemblyError, InputError):
-            if (end := self._followed(begun, direct)) is None:
-                error = None  # from a singular position the search for a direct one tells nothing
+            if (end := self._followed(begun, direct)) is None and direct is None:  # whose search told nothing
+                direct, _ = self._closed(self._aside(begun))
+                error = error if direct is None else None
         if end is None and direct is not None and self._dependent(direct):
             end = direct  # of more values than freedoms, which belong to one position
         if end is None:
@@ -232,6 +233,11 @@ class _Part:
             return self.solver.close(q, self.w, self.t), None
         except AssemblyError as error:
             return None, error
+
+    def _aside(self, q: Array) -> Array:
+        """Return a configuration beside another one, in no special direction."""
+        spread = 2.0 * np.remainder(GOLDEN * np.arange(1, self.model.nv + 1), 1.0) - 1.0
+        return np.asarray(pin.integrate(self.model, q, STEP * self.closure.scale * spread))
 
     def _undecided(self, q: Array | None) -> AssemblyError:
         """Return the error of a first position that no way from the start leads to."""
