@@ -80,9 +80,7 @@ def test_copies_are_refused_before_the_compiler_makes_them(
     assert caught.value.expected == "the bodies that it stands for"
 
 
-def test_the_compiler_gets_a_minute_and_4_gb(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_compiler_gets_a_minute_and_4_gb(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A mesh that it generates itself takes a minute for two million faces."""
     pytest.importorskip("mujoco")
     given: list[str] = []
