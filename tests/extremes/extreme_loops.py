@@ -42,7 +42,7 @@ def uneven(linkage: Linkage, cut: str, body: str, ratio: float, folder: Path) ->
         lambda name, b: replace(b, mass=b.mass * ratio, inertia=b.inertia * ratio) if name == body else b
     )
     run = integrated(one.build(folder, [cut]), 0.05, 5, velocity={"O": 2.0}, max_steps=1000)
-    return max(against_newton(one, run.rows), run.figures["energy"])
+    return max(against_newton(one, run.rows), run.measures()["energy"])
 
 
 def crank(size: float, speed: float, turns: float, cut: str, folder: Path) -> float:

@@ -115,7 +115,7 @@ def open_chains(count: int, folder: Path) -> float:
         position = {name: unit[name] * generator.normal() for name in joints}
         velocity = {name: unit[name] * pace * generator.normal() for name in joints}
         run = integrated(mechanism, 1e-3 / pace, 2, position=position, velocity=velocity, tolerance=1e-9)
-        worst = max(worst, against_newton(chain, run.rows, 0.0), run.figures["energy"])
+        worst = max(worst, against_newton(chain, run.rows, 0.0), run.measures()["energy"])
     return worst
 
 
@@ -134,7 +134,7 @@ def closed_chains(count: int, folder: Path) -> float:
         whole, pace = Linkage(bodies, joints), size**-0.5
         mechanism = whole.build(folder, [[*joints][-1]])
         run = integrated(mechanism, 0.02 / pace, 3, velocity={"joint0": pace * generator.normal()}, tolerance=1e-10)
-        worst = max(worst, against_newton(whole, run.rows), run.figures["energy"])
+        worst = max(worst, against_newton(whole, run.rows), run.measures()["energy"])
     return worst
 
 

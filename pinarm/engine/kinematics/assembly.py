@@ -149,8 +149,8 @@ class _Part:
             if (end := self._followed(begun, direct)) is None and direct is None:  # whose search told nothing
                 direct, _ = self._closed(self._aside(begun))
                 error = error if direct is None else None
-        if end is None and direct is not None and self._dependent(direct):
-            end = direct  # of more values than freedoms, which belong to one position
+        if end is None and direct is not None and self._is_told(direct):
+            end = direct
         if end is None:
             if direct is None or near is None:
                 raise error or self._undecided(direct)
@@ -166,10 +166,13 @@ class _Part:
         said = "; ".join(notes)
         return Assembly(end, (f"assembly: {said}. start: chooses another",) if said else ())
 
-    def _dependent(self, q: Array) -> bool:
-        """Tell whether the loops and some of the prescribed coordinates determine the motion of others."""
+    def _is_told(self, q: Array) -> bool:
+        """Tell whether what is solved says what is wrong with a position.
+
+        There the loops and some prescribed coordinates determine the motion of others, or leave a motion free.
+        """
         rank, own = (closure.split_at(q).rank for closure in (self.solver.whole, self.closure))
-        return bool(rank < own + len(self.prescribed.names))
+        return bool(rank < own + len(self.prescribed.names) or len(null_space(self.solver.rows(self.closure.state(q)))))
 
     def beyond(self, q: Array, start: Array) -> list[int]:
         """Return the joints that are beyond their limits; not those that a given start, other than 0, has there."""

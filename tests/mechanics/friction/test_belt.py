@@ -121,7 +121,7 @@ def test_a_belt_that_slips_at_the_start_brings_the_wheels_to_one_speed(belt):
     assert found["joint.two.velocity"].values[-1] == pytest.approx(common * R1 / R2, rel=1e-9)
     [end] = [segment.solution.end for segment in run.motion.motion.segments[:-1]]
     assert end == pytest.approx(stuck, rel=1e-8)
-    assert run.figures["energy"] < 1e-9
+    assert run.measures()["energy"] < 1e-9
 
 
 @pytest.mark.parametrize(
