@@ -183,8 +183,8 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
 
     @property
     def turning(self) -> GearedRotor | None:
-        """Itself where w is told up to whole turns: x counts them."""
-        return self if self.coordinate.wraps else None
+        """Itself where w is told up to whole turns, which x or other joints count."""
+        return self if self.coordinate.wraps or self.coordinate.turning is not None else None
 
     def helical(self, row: int) -> bool:
         return self.coordinate.wraps
@@ -194,8 +194,10 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
         return apart + self.missing_turns(apart, state.q) if self.coordinate.wraps else apart
 
     def missing_turns(self, gap: Array, q: Array) -> Array:
-        """Return the whole turns that gaps of an angle lack [rad]."""
-        return -whole_turns(gap)
+        """Return the whole turns that gaps of an angle lack at configurations [rad]."""
+        if self.coordinate.wraps or self.coordinate.turning is None:
+            return -whole_turns(gap)
+        return -self.coordinate.turning.missing_turns(self.own.at(q) - gap, q)
 
     def rows(self, state: Kinematics) -> Array:
         return np.asarray(self.own.weights - self.coordinate.row(state))[None]

@@ -1,5 +1,7 @@
 """Coordinates of every kind: their rows at many states against Pinocchio in one state, and against real differences."""
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,6 +14,9 @@ from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
 from pinarm.mechanics.loops.lower_pairs import Cylindrical, Helical, Planar, loop_coordinates
 from pinarm.mechanics.rotors import GearedRotor, tied_joint
+from pinarm.use.mechanism import Mechanism
+
+MODELS = Path(__file__).parents[3] / "models"
 
 ARM = (
     {"name": "swing", "at": "0.1 0.2 0.3", "axis": "1 2 3"}, {"name": "tilt", "at": "0.3 -0.2 0.1", "axis": "3 -1 1"},
@@ -92,3 +97,16 @@ def test_a_rotation_vector_near_zero_has_the_series(model):
     rows = ConstraintRows.of(model, [coordinate]).at(q).matrices[:, 0]
     one = [coordinate.row(Kinematics.at(model, x)) for x in q]
     assert rows == pytest.approx(np.array(one), abs=1e-14)
+
+
+def test_turns_of_a_rotor_behind_an_angle_that_other_joints_count_are_those_of_single_states():
+    """The angle of a loop joint between parallel joints, in states of two turns."""
+    bar = Mechanism.load(MODELS / "four_bar" / "mechanism.yaml", values={
+        "drives.D": {"along": "top_1.angle", "ratio": 2, "rotor_inertia": "1e-3 kg*m^2"},
+    })  # fmt: skip
+    start = bar.configurations({"upright_0": 0.4, "coupler_0": -0.4, "upright_1": 0.4})
+    turned = start + np.linspace(0.0, 12.0, 9)[:, None] * bar.rates({
+        "upright_0": 1.0, "coupler_0": -1.0, "upright_1": 1.0, "D.rotor": -1.0,
+    })  # fmt: skip
+    one = [bar.closure.gap(bar.closure.state(q)) for q in turned]
+    assert bar.closure.constraint_rows.at(turned).gaps == pytest.approx(np.array(one), abs=1e-12)
