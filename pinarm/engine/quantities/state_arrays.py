@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
     from pinarm.engine.mechanism import Mechanism
 
+FEW = 4096
+"""Numbers of an array up to which products are computed by one thread: others wait busily for more work afterwards."""
+
 RATES = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
 """Arrays of a state -> suffix of their unit behind that of positions."""
 
@@ -58,13 +61,16 @@ class LeadingAxes(ValueRecord, frozen=True):
             if shapes[name][:-1] != leading.shape:
                 said = ", ".join(f"{name}: {shape}" for name, shape in shapes.items())
                 raise InputError(f"the arrays have the shapes {said}", expected="the same axes before the last one")
-            if not isfinite(np.vdot(x, x)):  # the fastest look at all of them; squares may overflow
+            if x.size > FEW or not isfinite(np.vdot(x, x)):  # the fastest look at few numbers; squares may overflow
                 leading.require_finite(name, x)
         return leading, [*rows.values()]
 
     def require_finite(self, name: str, rows: Array) -> None:
         """Raise where a number of an array of rows is infinite or NaN."""
-        for row, column in np.argwhere(~np.isfinite(rows)).tolist():
+        finite = np.isfinite(rows)
+        if finite.all():
+            return
+        for row, column in np.argwhere(~finite).tolist():
             said = f"{name}[{column}] of {self.place(row)} is {rows[row, column]}"
             raise InputError(said, expected="finite numbers", hint="leave out states that are not known")
 
