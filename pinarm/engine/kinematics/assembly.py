@@ -167,7 +167,7 @@ class _Part:
         return Assembly(end, (f"assembly: {said}. start: chooses another",) if said else ())
 
     def _is_told(self, q: Array) -> bool:
-        """Tell whether what is solved says what is wrong with a position.
+        """Tell whether the problem itself refuses a position, in its own words.
 
         There the loops and some prescribed coordinates determine the motion of others, or leave a motion free.
         """

@@ -345,7 +345,7 @@ def _at_joint(model: pin.Model, joints: Mapping[str, Joint], name: str) -> Linea
 
 
 def _along(keys: InputStruct, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates) -> Coordinate:
-    """Return what the key ``joint`` or ``coordinate`` names."""
+    """Return the joint or coordinate that a key names."""
     if isinstance(keys, JointSpring | JointEffort):
         return _at_joint(model, joints, keys.joint)
     with within("coordinate"):

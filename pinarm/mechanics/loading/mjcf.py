@@ -165,7 +165,7 @@ class _Reader:
         tree.links[WORLD] = pin.Inertia.Zero()
 
     def content(self, body: Element, childclass: str, where: str) -> list[BodyElement]:
-        """Return what is in a body, in the order of the file; what is in frames has their placement."""
+        """Return the elements of a body, in the order of the file; those in frames have their placement."""
         content, waiting = list[BodyElement](), [(child, pin.SE3.Identity(), childclass) for child in reversed(body)]
         while waiting:
             element, place, inherited = waiting.pop()
