@@ -32,7 +32,7 @@ PAUSE = 0.1
 
 
 def case_progress(show: Callable[[str], None]) -> Callable[[int, int, int], None]:
-    """Return a function that shows numbers of cases done and failed, and the time that is left, by a function of a line.
+    """Return a function that shows cases done and failed, and the time that is left, by a function of a line.
 
     It is called with the numbers of cases that are done, that failed, and of all.
     """

@@ -102,7 +102,10 @@ def _files_in(folder: Path) -> list[Path]:
 
 
 def kind_of(file: Path) -> Literal["scenario", "mechanism", ""]:
-    """Return the kind of a file; empty for other YAML. One that cannot be read is a scenario: whoever loads it says why."""
+    """Return the kind of a file; empty for other YAML.
+
+    One that cannot be read is a scenario: whoever loads it says why.
+    """
     try:
         data = Document.read(file).data
     except InputError:
