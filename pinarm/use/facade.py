@@ -20,6 +20,7 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.yaml.document import Values
+from pinarm.language import decimals, in_language, told
 from pinarm.records import replace
 from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.result import result as results
@@ -183,10 +184,15 @@ class Result(results.Result, frozen=True):
 
         return save(self, Path(folder), plots=plots, dpi=dpi)
 
+    @in_language
     def _repr_html_(self) -> str:
-        """Return the report, with its replay, for notebooks; saved ones keep it."""
+        """Return numbers to seven digits, and the report with its replay, for notebooks; saved ones keep it."""
+        from pinarm.use.show.text import aligned, lines, ranges, remarks
+
+        heads, *rows = ranges(self)
+        numbers = aligned([heads, *([*row[:2], *map(decimals, row[2:])] for row in rows)])
         page: str = import_module("pinarm").report(self)._repr_html_()  # by its public name: reports stand above
-        return page
+        return lines("\n".join([*numbers, *map(told, remarks(self))])) + page
 
     def __reduce__(self) -> tuple[Any, ...]:
         from pinarm.use.result.stored_rows import arrays_of, result_of

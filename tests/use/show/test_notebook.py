@@ -13,9 +13,10 @@ import pinarm
 
 def test_a_result_shows_its_report_with_the_replay(scenario: Callable[..., Any]) -> None:
     cell = scenario("inverse").run()._repr_html_()
-    page = re.fullmatch('<iframe loading="lazy" srcdoc="([^"]*)" style="[^"]*"></iframe>', cell)
+    page = re.fullmatch('<pre[^>]*>([^<]*)</pre><iframe loading="lazy" srcdoc="([^"]*)" style="[^"]*"></iframe>', cell)
     assert page
-    report = unescape(page[1])
+    assert "14.32942" in page[1]
+    report = unescape(page[2])
     heads, *rows = [re.findall(r"<t[hd][^>]*>([^<]*)<", row) for row in re.findall("<tr>(.*?)</tr>", report)]
     assert heads == ["Given", "Of", "Value"]
     assert ["alpha", "deg"] in [row[:2] for row in rows]
