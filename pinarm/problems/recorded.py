@@ -320,4 +320,10 @@ def check_rows(mechanism: Mechanism, rows: RecordedRows) -> None:
             raise InputError(f"{name} is not finite in row {row}", expected="finite numbers")
     for row in np.flatnonzero(np.diff(rows.t) < 0.0)[:1]:
         raise InputError(f"the instants descend: {rows.t[row]:.9g} s, then {rows.t[row + 1]:.9g} s (row {row + 1})")
+    least = np.finfo(float).tiny  # what is between two rows is divided by the time between them
+    for row in np.flatnonzero((np.diff(rows.t) > 0.0) & (np.diff(rows.t) < least))[:1]:
+        raise InputError(
+            f"the instants {rows.t[row]:.9g} s and {rows.t[row + 1]:.9g} s (row {row + 1}) are too close",
+            expected=f"the same instant, or at least {least:.2g} s between",
+        )
     check_quaternions(mechanism, LeadingAxes(rows.t.shape), rows.q)

@@ -183,6 +183,7 @@ def test_a_result_comes_back_from_its_folder_and_runs_again(arm, tmp_path, deriv
     ({"t [s]": [0, 1], "O [rad]": [0, 1], "B [rad]": [0]}, "has 1 rows, 't' has 2"),
     ({"t [s]": [0, 1], "O [rad]": [0, 1], "B [m]": [0, 1]}, "the column 'joint.B.position' is in m"),
     ({"t [s]": [1, 0], "O [rad]": [0, 1], "B [rad]": "0 1"}, "the instants descend: 1 s, then 0 s"),
+    ({"t [s]": [0, 5e-324], "O [rad]": [0, 1], "B [rad]": "0 1"}, r"0 s and 4.94065646e-324 s \(row 1\) are too close"),
     ({"t [s]": [0, 1], "O [rad]": [0, 1], "B [rad]": "0 nan"}, "q is not finite in row 1"),
     ({"t [s]": [0, 1], "O [rad]": "0 1", "joint.O.position [rad]": "0 1", "B [rad]": "0 1"}, "two columns are"),
     ({}, "there is no motion"),
