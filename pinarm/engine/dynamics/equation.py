@@ -170,7 +170,7 @@ def _require(model: pin.Model, free: Array, mass: Array, q: Array, t: float) -> 
     how = "without mass" if values[k, 0] > -MASSLESS else "against a negative mass"
     raise DynamicsError(
         f"at t = {t:.9g} s {joints} can move {how}: accelerations are undetermined",
-        expected="inertias of the links beyond that bodies can have, above 1e-12 of what they carry",
+        expected="links beyond it with masses and moments of inertia above 1e-12 of what they carry",
         hint="an <inertial> in the model, a drive with a rotor, or a law for the joint; kind: inverse needs no masses",
         t=t,
         q=q[k],

@@ -98,12 +98,18 @@ def _balanced(bare: Scenario, search: Find) -> Result:
     with _searching(bare, search, taken, search.case, remainders) as runs:
         root = find_root(search, runs)
     result = bare.varied(search.case(root.values)).solve()
-    missed = [numbers[name] or read_number(f"{name} @ start") for name in root.missed]
-    errors = noise(result, missed, [measured(number, result) for number in missed]).tolist()
-    pairs = zip(root.missed, errors, strict=True)
-    left = ", ".join(f"{name} by {x:.3g}" for name, error in pairs if (x := root.residuals[name]) > error)
-    notes = [f"so_that is not met: the closest values that were found miss {left}, in SI"] if left else []
-    remainder = {f"left of {name} (started with {root.before[name]:.3g})": x for name, x in root.residuals.items()}
+    numbered = {name: number or read_number(f"{name} @ start") for name, number in numbers.items()}
+    missed = [numbered[name] for name in root.missed]
+    known = noise(result, missed, [measured(number, result) for number in missed]).tolist()
+    errors = dict(zip(root.missed, known, strict=True))
+    left, remainder = list[str](), dict[str, float]()
+    for name, value in wanted.items():
+        unit = value.unit or numbered[name].described(result.quantities, result.numbered).unit or DIMENSIONLESS
+        before, rest = root.before[name] / unit.factor, root.residuals[name] / unit.factor
+        remainder[f"left of {name} [{unit}] (started with {before:.3g})"] = rest
+        if root.residuals[name] > errors.get(name, np.inf):
+            left.append(f"{name} by {rest:.3g} {unit}")
+    notes = [f"so_that is not met: the closest values that were found miss {', '.join(left)}"] if left else []
     figures = {**result.figures, **search.figures(root.values), **remainder}
     return replace(result, figures=figures, outcome=replace(result.outcome, notes=(*result.outcome.notes, *notes)))
 

@@ -54,7 +54,7 @@ def test_what_cannot_be_met_is_met_as_nearly_as_can_be_and_the_rest_is_told(tmp_
     left = [value for name, value in result.figures.items() if name.startswith("left of")]
     assert left == pytest.approx([0.5, 0.5], rel=1e-9)
     [note] = [note for note in result.notes() if note.startswith("so_that is not met")]
-    assert note.startswith("so_that is not met: the closest values that were found miss C_B by ")
+    assert note.startswith("so_that is not met: the closest values that were found miss C_B by 0.5 N*m, ")
 
 
 def test_what_is_met_needs_no_remark(tmp_path):
